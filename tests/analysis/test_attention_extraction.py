@@ -16,11 +16,11 @@ PROMPT = [1, 5, *[PICTURE] * 12, 6, 5, *[PICTURE] * 4, 6, 7]
 def attention(queries: list[list[float]], keys: np.ndarray) -> np.ndarray:
     """Return softmax attention of queries to keys, with one batch and two heads. The second head is uniform."""
     scores = np.exp(np.array(queries) @ keys.T)
-    seen = scores / scores.sum(axis=1, keepdims=True)
-    return np.stack([seen, np.full_like(seen, 1 / seen.shape[1])])[None]
+    weights = scores / scores.sum(axis=1, keepdims=True)
+    return np.stack([weights, np.full_like(weights, 1 / weights.shape[1])])[None]
 
 
-def test_pictures_are_the_runs_of_their_placeholder() -> None:
+def test_each_run_of_placeholder_tokens_is_a_picture() -> None:
     assert picture_runs(PROMPT, PICTURE) == [range(2, 14), range(16, 20)]
     assert picture_runs([1, 2, 3], PICTURE) == []
 
@@ -44,7 +44,7 @@ def test_attention_to_one_patch_is_a_peak_of_the_map(tmp_path: Path) -> None:
     assert read["frame-1"] == pytest.approx(peaked)
 
 
-def test_the_mean_is_over_tokens_layers_and_heads_and_of_the_last_query() -> None:
+def test_the_map_is_the_mean_over_tokens_layers_and_heads_for_the_last_query() -> None:
     """Two tokens, two layers, two heads; a picture of one row of two. By hand: (1 + 3 + 5 + 7) / 4 and twice that."""
 
     def layer(value: float, queries: int) -> np.ndarray:

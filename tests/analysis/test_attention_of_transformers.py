@@ -74,8 +74,8 @@ def test_the_maps_of_two_pictures_are_the_mean_attention_of_the_last_query(
     read = read_attention(tmp_path / "attention.npz")
     assert {name: array.shape for name, array in read.items()} == {"a": (3, 4), "b": (2, 2)}
     layers = [layer for step in generated.attentions for layer in step]
-    looked = [[float(sum(layer[0, head, -1, 2 + k] for head in range(4))) / 4 for k in range(12)] for layer in layers]
-    assert read["a"].ravel() == pytest.approx(np.mean(looked, axis=0), rel=1e-5)
+    expected = [[float(sum(layer[0, head, -1, 2 + k] for head in range(4))) / 4 for k in range(12)] for layer in layers]
+    assert read["a"].ravel() == pytest.approx(np.mean(expected, axis=0), rel=1e-5)
 
 
 def test_the_error_for_a_model_without_attention_names_the_options() -> None:
@@ -88,8 +88,10 @@ def test_the_error_for_a_model_without_attention_names_the_options() -> None:
     )
     tokens = torch.tensor([[1, 5, *[PICTURE] * 16, 6]])
 
-    def looked(how: str) -> Any:
-        model = transformers.LlavaForConditionalGeneration._from_config(config, attn_implementation=how).eval()
+    def map_with(implementation: str) -> Any:
+        model = transformers.LlavaForConditionalGeneration._from_config(
+            config, attn_implementation=implementation
+        ).eval()
         generated = model.generate(
             input_ids=tokens,
             pixel_values=torch.randn(1, 3, 56, 56),
@@ -101,6 +103,6 @@ def test_the_error_for_a_model_without_attention_names_the_options() -> None:
         steps = [[layer[:1].float().numpy() for layer in step] for step in generated.attentions]
         return attention_map(steps, picture_runs(tokens[0].tolist(), PICTURE)[0], (4, 4))
 
-    assert looked("eager").shape == (4, 4)
+    assert map_with("eager").shape == (4, 4)
     with pytest.raises(ValueError, match="eager"):
-        looked("sdpa")
+        map_with("sdpa")

@@ -56,13 +56,13 @@ def test_shapes_have_layers_and_are_in_painting_order() -> None:
     assert shapes[5] == PlanShape("road", line, width_m=3.5, surface="car", heights_m=(0.0, 1.0))
 
 
-def test_a_sea_is_under_everything_and_a_river_is_not() -> None:
+def test_water_is_a_sea_only_if_it_lies_under_everything_else() -> None:
     house = Building(id="b", polygon=SQUARE, base_m=0.0, top_m=9.0)
     sea = Water(polygon=tuple((200.0 * x - 1000.0, 200.0 * y - 1000.0) for x, y in SQUARE), level_m=0.0)
     river = Water(polygon=((-900.0, 0.0), (900.0, -30.0), (900.0, 0.0), (0.0, 40.0), (-900.0, 30.0)), level_m=0.0)
     pond = Water(polygon=SQUARE, level_m=0.0)
-    for waters, answer in (((), False), ((river,), False), ((pond,), True), ((river, sea), True)):
-        assert is_sea(ground_plan(a_city(waters=waters, buildings=(house,)))) is answer
+    for waters, expected in (((), False), ((river,), False), ((pond,), True), ((river, sea), True)):
+        assert is_sea(ground_plan(a_city(waters=waters, buildings=(house,)))) is expected
     far = Building(id="far", polygon=FAR, base_m=0.0, top_m=9.0)
     assert not is_sea(ground_plan(a_city(waters=(pond,), buildings=(house, far))))
     island = replace(sea, holes=(SQUARE,))
@@ -87,7 +87,7 @@ def played_in(trace: Trace, kind: str, sha256: str) -> Trace:
     return Trace(trace.path, header, trace.boundaries, trace.outcome, True, trace.places)
 
 
-def test_a_city_is_built_again_only_if_it_is_the_same(trace: Trace) -> None:
+def test_a_city_is_rebuilt_only_if_its_hash_is_the_recorded_one(trace: Trace) -> None:
     city = PluginHost().scene("bay").build(trace.header.instance.scene)
     assert city_of(played_in(trace, "bay", "0" * 64)) is None
     assert city_of(played_in(trace, "atlantis", content_sha256(city))) is None
@@ -109,7 +109,7 @@ def test_the_city_and_its_credit_are_on_the_overview(trace: Trace, tmp_path: Pat
 @pytest.mark.parametrize(
     ("mission", "expected"), [("ufr", {"fire"}), ("cd", {"point"}), ("vdn", {"home"}), ("cr", set())]
 )
-def test_the_groups_that_success_requires(mission: str, expected: set[str]) -> None:
+def test_the_required_groups_follow_from_the_success_condition(mission: str, expected: set[str]) -> None:
     required = required_target_groups(instantiate(lingjing.compile(mission_file(mission)), seed=0))
     assert required >= expected
     assert "jam" not in required and "depot" not in required

@@ -38,7 +38,7 @@ def with_(trace: Trace, records: tuple[BoundaryRecord, ...] | None = None, outco
     return Trace(trace.path, trace.header, records or trace.boundaries, outcome, False, trace.places)
 
 
-def test_unmet_clauses_have_their_values_and_the_nearest_ones(lost: Trace) -> None:
+def test_unmet_clauses_are_listed_with_their_last_and_nearest_values(lost: Trace) -> None:
     ending = why(lost)
     assert ending.episode == "ssr broadcast seed 7, heuristic: tick 30 of 60 (300 s), score 0.33, SCR 0.33"
     apart = distances(lost, "boat", "victim[1]")
@@ -50,7 +50,7 @@ def test_unmet_clauses_have_their_values_and_the_nearest_ones(lost: Trace) -> No
     assert ending.lacking[-1] == "1 other part of it held"
 
 
-def test_each_target_has_its_progress(lost: Trace) -> None:
+def test_the_progress_of_each_target_is_listed(lost: Trace) -> None:
     first, _, done = why(lost).targets
     pictures = [frame for frame in lost.frames.values() if any(box.entity == "victim[1]" for box in frame.boxes)]
     assert first.startswith(f"victim[1]: in {len(pictures)} of {len(lost.frames)} pictures, first {pictures[0].id}, ")
@@ -112,16 +112,16 @@ def test_an_unmet_exists_descends_to_its_closest_candidate(lost: Trace) -> None:
     assert kind == "detection"
     near = Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Ref("v", "local"))), Number(1.0, "m"))
     condition = Quantified("exists", "v", "victim", near)
-    (nobody,) = unmet_parts(condition, history)
-    assert (nobody.text, nobody.had) == ("exists v: distance_xy(boat, v) <= 1 m", "none of 3")
-    nothing = Quantified("exists", "r", "detection", near)
-    parts = list(unmet_parts(nothing, history[:1]))
-    assert [entity.had for entity in parts] == ["there was no detection"]
+    (unmet,) = unmet_parts(condition, history)
+    assert (unmet.text, unmet.had) == ("exists v: distance_xy(boat, v) <= 1 m", "none of 3")
+    without_candidates = Quantified("exists", "r", "detection", near)
+    parts = list(unmet_parts(without_candidates, history[:1]))
+    assert [part.had for part in parts] == ["there was no detection"]
     victim = next(entity for entity in lost.header.instance.entities if entity.id == "victim[2]")
     assert condition_text(near, {"v": victim}) == "distance_xy(boat, victim[2]) <= 1 m"
 
 
-def test_variables_alone_are_replaced_in_one_pass(lost: Trace) -> None:
+def test_only_variables_are_replaced_and_in_one_pass(lost: Trace) -> None:
     """The value of a variable may contain the name of another one, and a field may have the name of a variable."""
     boat, victim = (
         next(entity for entity in lost.header.instance.entities if entity.id == name) for name in ("boat", "victim[2]")
@@ -130,7 +130,7 @@ def test_variables_alone_are_replaced_in_one_pass(lost: Trace) -> None:
     assert condition_text(same, {"v": victim, "victim": boat}) == "victim[2].victim == boat"
 
 
-def test_the_closest_candidate_is_the_one_that_belongs_to_the_target(lost: Trace) -> None:
+def test_the_closest_candidate_belongs_to_the_target(lost: Trace) -> None:
     """The boat is at victim[3]. The unmet part for victim[1] is the distance of the boat, not the identity."""
     joint = Binary("<=", Call("distance_xy", (Ref("v", "local"), Ref("w", "local"))), Number(1.0, "m"))
     near = Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Ref("v", "local"))), Number(60.0, "m"))
@@ -150,7 +150,7 @@ def test_the_text_of_a_policy_stays_on_one_line(lost: Trace) -> None:
     assert "unmet parts of success:" in lines[1] and "nothing" in lines[1]
 
 
-def test_the_verb_prints_a_screenful(lost: Trace, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_why_prints_at_most_24_lines(lost: Trace, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["why", str(lost.path)]) == 0
     out = capsys.readouterr().out.splitlines()
     assert len(out) <= 24 and out[1].startswith("ended by: ") and "unmet parts of success:" in out
@@ -159,7 +159,9 @@ def test_the_verb_prints_a_screenful(lost: Trace, capsys: pytest.CaptureFixture[
     assert run_command(["why", str(Path("nothing.mcap"))]) == 2
 
 
-def test_the_verb_takes_the_folder_of_a_run(lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_why_accepts_the_folder_of_a_run(
+    lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run_command(["why", str(tmp_path)]) == 2
     capsys.readouterr()
     for name in ("trace.mcap.part", "trace.mcap"):
@@ -169,8 +171,8 @@ def test_the_verb_takes_the_folder_of_a_run(lost: Trace, tmp_path: Path, capsys:
 
 
 @pytest.mark.slow
-def test_lines_of_sight_are_found_again_from_a_trace(tmp_path: Path) -> None:
-    """The registry builds the city again; without it a line has no value and the events would differ."""
+def test_lines_of_sight_are_recomputed_from_a_trace(tmp_path: Path) -> None:
+    """The registry rebuilds the city. Without a city, a line of sight has no value and the events would differ."""
     mission = shortened(mission_file("ssr").parent / "examples" / "overwatch.ljs", 9)
     trace = play(mission, tmp_path, policy="oracle").trace
     assert any(event.kind == "covered" for boundary in trace.boundaries for event in boundary.events)
@@ -194,7 +196,7 @@ mission tide "Tide" {
 """
 
 
-def test_rebuilt_registries_have_the_events_and_the_memory(tmp_path: Path) -> None:
+def test_rebuilt_registries_have_the_events_and_the_memory_of_the_episode(tmp_path: Path) -> None:
     played = play(TIDE, tmp_path, policy="random", seed=1)
     rebuilt = list(registries(played.trace))
     assert all(boundary.faithful for boundary in rebuilt)

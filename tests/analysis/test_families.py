@@ -143,8 +143,8 @@ def test_a_matched_target_without_location_is_a_localisation_error(lost, real_ru
 
 def test_a_target_matched_by_another_category_can_be_mislocated(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
     """A mission may match messages of another category than `report`."""
-    told_so = tuple(replace(message, category="other") for message in FOUND["messages"])
-    attribution = attributed(real_rules(lost({5: SEEN, 6: {**FOUND, "messages": told_so}})))
+    of_other_category = tuple(replace(message, category="other") for message in FOUND["messages"])
+    attribution = attributed(real_rules(lost({5: SEEN, 6: {**FOUND, "messages": of_other_category}})))
     assert (attribution.family, [link.kind for link in attribution.chain]) == ("localisation_error", ["event"])
 
 
@@ -169,7 +169,7 @@ def test_conflicts_over_an_assigned_body_are_a_deadlock(lost, real_rules) -> Non
     assert [link.record for link in attribution.chain] == ["m8-9", "c9-1", "c10-1"]
 
 
-def test_of_several_assignments_of_a_boundary_the_target_s_own_is_named(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+def test_the_chain_names_the_assignment_of_the_target_among_several_of_one_boundary(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
     fields = handed(8)
     other = replace(fields["messages"][0], id="m8-8", body={"assignee": "skipper", "target": "victim[2]"})  # type: ignore[index]
     both = {**fields, "messages": (other, *fields["messages"])}  # type: ignore[misc]
@@ -188,7 +188,7 @@ def test_a_request_of_the_kernel_is_no_assignment(lost, real_rules) -> None:  # 
         assert attribution.family == family
 
 
-def test_a_stage_that_waits_for_a_target_through_a_rule_blocks(lost, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+def test_the_targets_of_a_rule_that_a_stage_waits_for_are_blocking(lost, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     def story(called: Call) -> families._Story:
         instance = trace.header.instance
         known = Call(function="emitted", arguments=(Symbol("rescue"), Ref("victim", "group")))
@@ -205,7 +205,7 @@ def test_a_stage_that_waits_for_a_target_through_a_rule_blocks(lost, trace: Trac
     assert story(Call(function="all_saved", rule=False)).blocking == ()
 
 
-def test_an_assigned_body_sent_elsewhere_or_stubborn_is_drift(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+def test_an_assigned_body_that_goes_elsewhere_or_repeats_a_rejected_command_is_drift(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
     other = {**moves(9, x=0.0, y=0.0), "snapshots": (at(9, v1=(500.0, 0.0), v2=(0.0, 0.0), boat=(900.0, 0.0)),)}
     attribution = attributed(real_rules(lost({5: SEEN, 6: LOCATED, 8: handed(8), 9: other})))
     assert (attribution.family, attribution.tick) == ("context_drift", 9)

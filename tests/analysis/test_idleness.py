@@ -83,7 +83,7 @@ def order(tick: int, assignee: str, kind: str = "assignment", **body: object) ->
     )  # fmt: skip
 
 
-def test_without_actions_all_steps_are_idle_and_the_hub_has_none(idle) -> None:  # type: ignore[no-untyped-def]
+def test_steps_without_actions_are_idle_and_a_hub_alone_has_no_idle_fraction(idle) -> None:  # type: ignore[no-untyped-def]
     assert idle(step(1), step(2)) == 1.0
     only_hub = step(1, decisions=(DecisionRecord(agent="hub", decision=Decision()),))
     assert idle(only_hub) is None
@@ -118,7 +118,7 @@ def test_a_target_is_assigned_until_it_is_completed(header) -> None:  # type: ig
     steps = (step(1, messages=(order(1, "driver", what="fire"),)), step(2), step(3, stages=(done,)), step(4))
     assert idle_fraction(Trace(PATH, with_stage, steps, None, True)) == 5 / 8
     again = (*steps, step(5, messages=(order(5, "driver", what="fire"),)))
-    assert idle_fraction(Trace(PATH, with_stage, again, None, True)) == 7 / 10, "it is out already"
+    assert idle_fraction(Trace(PATH, with_stage, again, None, True)) == 7 / 10, "the fire is out already"
 
 
 def test_an_errand_is_open_until_its_first_command_ends(idle) -> None:  # type: ignore[no-untyped-def]

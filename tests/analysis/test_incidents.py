@@ -91,7 +91,7 @@ def test_a_second_collision_of_a_pair_counts_and_the_report_of_the_other_side_do
     assert [incident.time_s for incident in listed] == [1.0, 5.0, 9.0]
 
 
-def test_boundary_0_counts_and_an_initial_lost_status_too(of) -> None:  # type: ignore[no-untyped-def]
+def test_collisions_and_lost_statuses_at_boundary_0_are_incidents(of) -> None:  # type: ignore[no-untyped-def]
     listed = of(((snapshot(0.0, a="idle", boat="aground"),), (task_event("collided", 0.0, "a", "ground"),)))
     assert [(incident.tick, incident.time_s, incident.text) for incident in listed] == [
         (0, 0.0, "a hit the ground"),
@@ -99,7 +99,7 @@ def test_boundary_0_counts_and_an_initial_lost_status_too(of) -> None:  # type: 
     ]
 
 
-def test_an_unexplained_status_is_one_incident(of) -> None:  # type: ignore[no-untyped-def]
+def test_a_lost_status_without_an_event_is_one_incident_while_it_lasts(of) -> None:  # type: ignore[no-untyped-def]
     steps = [
         ((snapshot(0.0, a="idle", boat="idle"),), ()),
         ((snapshot(5.0, a="idle", boat="aground"), snapshot(10.0, a="dead", boat="aground")), ()),
@@ -110,14 +110,14 @@ def test_an_unexplained_status_is_one_incident(of) -> None:  # type: ignore[no-u
     assert listed == [("boat is aground", 5.0), ("a is dead", 10.0), ("boat is aground", 30.0)]
 
 
-def test_an_earlier_bump_explains_no_death_but_an_empty_battery_does(of) -> None:  # type: ignore[no-untyped-def]
+def test_an_empty_battery_explains_a_later_death_and_a_collision_does_not(of) -> None:  # type: ignore[no-untyped-def]
     events = (task_event("collided", 2.0, "a", "kerb"), task_event("battery_empty", 2.0, "b"))
     steps = [((snapshot(10.0, a="idle", b="idle"),), events), ((snapshot(20.0, a="dead", b="dead"),), ())]
     assert [incident.text for incident in of(*steps)] == ["a hit kerb", "the battery of b is empty", "a is dead"]
 
 
-def test_events_that_are_no_incidents(of) -> None:  # type: ignore[no-untyped-def]
-    """Collisions of unknown bodies, a target's status, and an interaction and a scheduled event with such a name."""
+def test_events_of_unknown_bodies_interactions_and_schedules_are_no_incidents(of) -> None:  # type: ignore[no-untyped-def]
+    """Collisions of unknown bodies, the status of a target, an interaction `fell` and a scheduled event `drowned`."""
     known = (
         entity("a"),
         replace(entity("tree", "target"), interactions=(InteractionSpec(name="fell", by="a", within_m=1.0),)),
@@ -186,7 +186,7 @@ def report(tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped
     return lingjing.run(file, policy=Collider, world="inline", out=folder / "run")
 
 
-def test_two_drones_that_fly_into_each_other_are_in_the_report_and_the_summary(report) -> None:  # type: ignore[no-untyped-def]
+def test_a_collision_of_two_drones_is_in_the_report_and_the_summary(report) -> None:  # type: ignore[no-untyped-def]
     assert (report.success, report.ticks, report.metrics.incidents) == (True, 1, 1)
     (incident,) = report.incidents
     assert set(incident.entities) == {"uav[1]", "uav[2]"} and 2.0 < incident.time_s < 10.0
@@ -219,7 +219,7 @@ def test_the_report_of_an_episode_has_scheduled_events_too(tmp_path: Path) -> No
     crash, empty = result.incidents
     assert (crash.kind, empty.text) == ("collided", "the battery of kite is empty")
     landed = {state.id: state.status for state in read_trace(result.trace).boundaries[-1].snapshots[-1].states}
-    assert set(landed.values()) == {"dead"}, "it came down on the water, which is no incident of its own"
+    assert set(landed.values()) == {"dead"}, "the kite came down on the water, which is no separate incident"
     assert [event.line for event in result.happened] == ["weather front: wind_from_deg 200, wind_mps 8"]
     assert result.incidents == incidents(read_trace(result.trace))
 

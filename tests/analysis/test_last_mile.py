@@ -106,13 +106,13 @@ def test_the_stages_are_cumulative():
     )  # the success of the engine does not hide a missing stage
 
 
-def test_both_ends_must_be_near():
+def test_stage_s2_requires_both_ends_near_the_true_ends():
     for wrong in ({**GOOD, "target": (255.0, 140.0)}, {**GOOD, "start": (0.0, 0.0)}):
         assert "S2" not in stages(("ends", wrong)).done
 
 
 @pytest.mark.parametrize(
-    "messages",  # called in the test: a way takes a city
+    "messages",  # called in the test, because `way` loads a city
     [
         lambda: way((40.0, 40.0)),  # not where the van passes
         lambda: way()[1:],  # a turn is missing
@@ -122,7 +122,7 @@ def test_both_ends_must_be_near():
         lambda: [("passing", {"number": 1.0, "position": (-120.0, -182.0)})],  # nothing between the ends
     ],
 )
-def test_waypoints_that_form_no_way_are_not_the_third_stage(messages: Callable[[], list[tuple[str, dict]]]):
+def test_waypoints_that_do_not_form_the_route_do_not_complete_stage_s3(messages: Callable[[], list[tuple[str, dict]]]):
     assert "S3" not in stages(*messages()).done
 
 
@@ -133,19 +133,19 @@ def test_a_later_report_of_a_waypoint_replaces_the_earlier_one():
 
 
 @pytest.mark.parametrize(("name", "supplied", "count"), [("A0", (), 1), ("A1", ("S2",), 2), ("A2", ("S2", "S3"), 4)])
-def test_supplied_stages_count(name: str, supplied: tuple[str, ...], count: int):
+def test_stages_supplied_by_an_intervention_count_as_done(name: str, supplied: tuple[str, ...], count: int):
     result = stages(intervention=name, seen=True, arrived=True)
     assert (result.given, result.cumulative) == (supplied, count)
 
 
-def test_other_missions_have_no_such_stages():
+def test_other_missions_have_no_last_mile_stages():
     instance, _ = placed("cr")
     other = trace()
     header = Header(instance=instance, bindings=(), fingerprint={})
     assert last_mile(Trace(Path("x.mcap"), header, other.boundaries, other.outcome, complete=True)) is None
 
 
-def test_the_inspection_of_another_route_is_not_this_one_s() -> None:
+def test_the_inspection_of_another_route_does_not_complete_stage_s1() -> None:
     replace, played = msgspec.structs.replace, trace(seen=True)
     instance, other = played.header.instance, Call("inspected", (Symbol("other"),))
     stages = tuple(replace(stage, condition=other) for stage in instance.stages if stage.name == "inspect")

@@ -89,7 +89,7 @@ def of(trace: Trace):  # type: ignore[no-untyped-def]
     return build
 
 
-def test_the_synthetic_rescue(trace: Trace) -> None:
+def test_the_metrics_of_the_synthetic_rescue_are_as_counted(trace: Trace) -> None:
     measured = metrics(trace)
     assert (measured.success, measured.scr, measured.reason, measured.ticks, measured.sim_s) == (
         True,
@@ -130,7 +130,7 @@ def test_an_empty_trace_has_no_rates(of) -> None:  # type: ignore[no-untyped-def
     )
 
 
-def test_precision_recall_and_rates_over_aligned_frames(of) -> None:  # type: ignore[no-untyped-def]
+def test_precision_recall_and_rates_are_computed_over_aligned_frames(of) -> None:  # type: ignore[no-untyped-def]
     """Five frames: a hit; a hit and a miss; a false report and a miss; nothing; a target without pixels."""
     detection = detect(
         of(
@@ -148,15 +148,15 @@ def test_precision_recall_and_rates_over_aligned_frames(of) -> None:  # type: ig
     assert (detection.precision, detection.recall, detection.f1) == (0.5, 0.5, 0.5)
     assert detection.frames == 5
     assert detection.miss_rate == 2 / 5  # frames b and c; a boat is no target
-    assert detection.hallucination_rate == 1 / 5  # the report of no stored frame has no frame to spoil
+    assert detection.hallucination_rate == 1 / 5  # a report of a frame that is not stored counts for no frame
 
 
-def test_a_report_counts_once_but_its_edges_are_messages(of) -> None:  # type: ignore[no-untyped-def]
+def test_a_report_counts_once_and_each_of_its_recipients_is_a_message(of) -> None:  # type: ignore[no-untyped-def]
     measured = metrics(of(boundary(1, frames=(frame("a", 1),), messages=report(1, "a", 1, recipients=5))))
     assert (measured.reports, measured.messages, measured.kilobytes) == (1, 5, 0.75)
 
 
-def test_localisation_error_is_taken_at_the_capture(of) -> None:  # type: ignore[no-untyped-def]
+def test_the_localisation_error_is_measured_at_the_time_of_the_capture(of) -> None:  # type: ignore[no-untyped-def]
     """The target drifts on after the picture. The report has the position (3, 4)."""
     measured = metrics(
         of(
@@ -170,7 +170,7 @@ def test_localisation_error_is_taken_at_the_capture(of) -> None:  # type: ignore
 
 
 @pytest.mark.parametrize("position", [None, "here", (1.0,), (float("nan"), 2.0), (None, 3.0)])
-def test_a_report_without_a_position_has_no_error(of, position: object) -> None:  # type: ignore[no-untyped-def]
+def test_a_report_without_a_position_has_no_localisation_error(of, position: object) -> None:  # type: ignore[no-untyped-def]
     record = boundary(
         0,
         snapshots=(at(0, v1=(0.0, 0.0)),),
@@ -182,7 +182,7 @@ def test_a_report_without_a_position_has_no_error(of, position: object) -> None:
     assert metrics(of(record)).detections == 1
 
 
-def test_calibration_error_over_ten_bins(of) -> None:  # type: ignore[no-untyped-def]
+def test_the_calibration_error_is_computed_over_ten_bins(of) -> None:  # type: ignore[no-untyped-def]
     """Bin 0.9..1 has two samples of confidence 0.95 and one hit: |0.5 - 0.95|. Bin 0.2 has one miss: 0.2."""
     record = boundary(
         0,
@@ -196,7 +196,7 @@ def test_calibration_error_over_ten_bins(of) -> None:  # type: ignore[no-untyped
     assert metrics(of(certain)).calibration_error == 1.0
 
 
-def test_rounds_count_ticks_and_categories(of) -> None:  # type: ignore[no-untyped-def]
+def test_rounds_count_ticks_with_an_assignment_or_a_target_status(of) -> None:  # type: ignore[no-untyped-def]
     edge = report(1, "a", 1)[0]
     measured = metrics(
         of(
@@ -208,7 +208,7 @@ def test_rounds_count_ticks_and_categories(of) -> None:  # type: ignore[no-untyp
     assert measured.rounds == 2 and measured.messages == 5
 
 
-def test_decisions_receipts_and_absences(of) -> None:  # type: ignore[no-untyped-def]
+def test_substitutions_rejections_and_absent_frames_are_counted(of) -> None:  # type: ignore[no-untyped-def]
     absent = Absent(entity="uav[1]", camera="nadir", tick=1, reason="late")
     idle = DecisionRecord(agent="a", decision=Decision(), substituted="policy_timeout")
     receipt = Receipt(request="c", tick=1, sender="a", resource="r", status="rejected", reason="conflict")
@@ -230,7 +230,7 @@ def test_targets_too_faint_to_see_are_counted_and_not_missed(trace: Trace) -> No
     """One target is added to every picture without a target. A visible one is missed, a faint one is counted."""
     more = (Box(entity="victim[1]", cls="person_in_water", box=BOX, pixels=9, contrast=3.0),)
 
-    def told(field: str) -> Metrics:
+    def with_boxes_in(field: str) -> Metrics:
         boundaries = tuple(
             replace(record, frames=tuple(f if f.boxes else replace(f, **{field: more}) for f in record.frames))
             for record in trace.boundaries
@@ -239,7 +239,7 @@ def test_targets_too_faint_to_see_are_counted_and_not_missed(trace: Trace) -> No
 
     empty = sum(not frame.boxes for frame in trace.frames.values())
     assert empty > 0
-    seen, faint = told("boxes"), told("faint")
+    seen, faint = with_boxes_in("boxes"), with_boxes_in("faint")
     assert (seen.misses - metrics(trace).misses, seen.faint_targets) == (empty, 0)
     assert (faint.misses, faint.faint_targets) == (metrics(trace).misses, empty)
     assert faint.f1 == metrics(trace).f1
@@ -334,7 +334,7 @@ def test_metrics_are_plain_data(trace: Trace) -> None:
     ("value", "count", "expected"),
     [((1, 2.0, 3), 2, (1.0, 2.0)), ((1,), 2, None), ("12", 2, None), ((1, "2"), 2, None), (None, 1, None)],
 )
-def test_numbers(value: object, count: int, expected: object) -> None:
+def test_only_a_tuple_with_enough_numbers_is_read_as_numbers(value: object, count: int, expected: object) -> None:
     assert numbers(value, count) == expected
 
 
@@ -443,7 +443,7 @@ def test_executors_follow_from_the_interactions_of_targets(trace: Trace) -> None
     )  # type: ignore[attr-defined]
 
 
-def test_rep_of_a_tour_that_splits_an_order(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+def test_rep_does_not_count_an_order_that_is_split_between_two_vans(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     """250 kg need two vans. A driver's consent is no request, and the depot is no target."""
     header, away = courier_service(trace), vans(0, -500.0, 500.0)
 
@@ -463,7 +463,7 @@ def test_rep_of_a_tour_that_splits_an_order(of, trace: Trace) -> None:  # type: 
     assert excess_target_rate(of(plan, consent, again, header=header)) == 1 / 3
 
 
-def test_rep_counts_every_entry_once_while_it_lasts(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+def test_rep_counts_each_stay_in_a_region_as_one_entry(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     """Driving past is an entry, because the paper requires no stop. A pass at 31 m is none."""
     header = courier_service(trace)
     past = boundary(1, snapshots=(vans(1, 0.0, 500.0, 9.0), vans(1, 29.0, 500.0, 9.0), vans(1, 31.0, 500.0, 9.0)))
@@ -476,25 +476,25 @@ def test_rep_counts_every_entry_once_while_it_lasts(of, trace: Trace) -> None:  
     assert excess_target_rate(of(mine, back, header=header)) == 2 / 3, "an assignment, and twice another in its region"
 
 
-def test_rep_counts_distant_acts(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+def test_rep_counts_an_interaction_from_outside_the_region_as_an_entry(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     """Each act is an entry of a van, which is outside again at once. An asset without a region cannot leave it."""
     header = courier_service(trace)
     part = TaskEvent(kind="deliver", entities=("point[1]", "van[1]"), time_s=9.0, values={"left_kg": 50.0})
-    stranger = replace(part, entities=("point[1]", "depot"))
+    by_depot = replace(part, entities=("point[1]", "depot"))
     steps = (vans(1, 500.0, 500.0), vans(2, 500.0, 500.0), vans(3, 500.0, 500.0))
     for acts, entries in (
         ((part, replace(part, time_s=10.0)), 1),  # within one macro-step
         ((part, replace(part, time_s=11.0)), 2),
-        ((part, replace(part, time_s=31.0)), 1),  # behind the last
-        ((stranger, replace(stranger, time_s=11.0)), 1),
+        ((part, replace(part, time_s=31.0)), 1),  # after the last macro-step
+        ((by_depot, replace(by_depot, time_s=11.0)), 1),
     ):
         assert excess_target_events(of(boundary(1, snapshots=steps, task_events=acts), header=header)) == (0, entries)
     near = (vans(1, 500.0, 500.0), vans(2, 20.0, 500.0), vans(3, -20.0, 500.0))
-    thrice = (part, replace(part, time_s=19.0), replace(part, time_s=29.0))  # inside already at the last
+    thrice = (part, replace(part, time_s=19.0), replace(part, time_s=29.0))  # the van is already inside at the last act
     assert excess_target_events(of(boundary(1, snapshots=near, task_events=thrice), header=header)) == (0, 2)
 
 
-def test_rep_follows_targets_that_move(of) -> None:  # type: ignore[no-untyped-def]
+def test_rep_counts_the_entries_of_moving_targets(of) -> None:  # type: ignore[no-untyped-def]
     """The boat lies still. One person drifts into its region, out of it and in again across a boundary. The other one
     is close in eastings only."""
     away, inside = (60.0, 0.0), (50.0, 0.0)
@@ -507,19 +507,19 @@ def test_rep_follows_targets_that_move(of) -> None:  # type: ignore[no-untyped-d
     assert excess_target_events(of(first, second)) == (0, 2)
 
 
-def test_rep_of_completed_targets(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+def test_rep_counts_an_entry_after_the_target_is_completed(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     header = courier_service(trace)
     part = TaskEvent(kind="deliver", entities=("point[1]", "van[1]"), time_s=10.0, values={"left_kg": 50.0})
     first = boundary(1, snapshots=(vans(1, 0.0, 500.0, 9.0),), task_events=(part,))
     rest = boundary(2, snapshots=(vans(2, 500.0, 5.0),))
-    assert excess_target_rate(of(first, rest, header=header)) == 0.0  # the rest was still due
+    assert excess_target_rate(of(first, rest, header=header)) == 0.0  # 50 kg were still due
     people = replace(first, task_events=(replace(part, values={"left": 2.0}),))  # a bare number has no unit
     assert excess_target_rate(of(people, rest, header=header)) == 0.0
     whole = replace(first, task_events=(replace(part, values={"left_kg": 0.0}),))
     assert excess_target_rate(of(whole, rest, header=header)) == 1 / 2
 
 
-def test_a_step_of_guidance_assigns_nothing(of) -> None:  # type: ignore[no-untyped-def]
+def test_a_step_of_guidance_without_a_target_assigns_nothing(of) -> None:  # type: ignore[no-untyped-def]
     far = at(0, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=(0.0, 300.0))
     step = assignment(1, "scout[1]", "skipper", step="left", position=(0.0, 0.0, 0.0))
     assert excess_target_rate(of(boundary(1, snapshots=(far,), messages=(step,)))) is None
@@ -534,7 +534,7 @@ def test_the_page_has_the_definition_of_every_metric() -> None:
     assert {group for group, _ in groups_and_units().values()} == set(GROUPS)
 
 
-def test_the_view_of_a_driver_is_no_aligned_frame(trace: Trace) -> None:
+def test_a_frame_that_no_reporting_agent_receives_is_not_aligned(trace: Trace) -> None:
     """Frames of `uav[1]`: all without a viewer, none if only the skipper receives them, all if a searcher does."""
     instance = trace.header.instance
     channel = ChannelSpec(source="entity", name="uav[1]")

@@ -90,7 +90,7 @@ def test_adherence_repetition_and_bounds_are_counted_by_action(of) -> None:  # t
     assert behaviour(()).adherence is None
 
 
-def test_a_broken_constraint_is_an_action_out_of_bounds(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+def test_an_action_that_breaks_a_constraint_is_out_of_bounds(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     instance = replace(
         trace.header.instance, constraints=(Constraint(name="fence", kind="hard", condition=Flag(True)),)
     )
@@ -127,7 +127,7 @@ def test_idle_ticks_and_substituted_decisions_are_no_actions(of) -> None:  # typ
     assert actions(of(boundary(0), boundary(1, decisions=(idle,)), boundary(2, decisions=(lost,)))) == ()
 
 
-def test_forgotten_subgoals_are_completed_targets_and_others_than_the_assigned_one(of) -> None:  # type: ignore[no-untyped-def]
+def test_an_action_towards_a_completed_or_unassigned_target_is_a_forgotten_subgoal(of) -> None:  # type: ignore[no-untyped-def]
     """The boat goes to victim[1], is assigned victim[2], goes to victim[1] until its rescue, and goes there again."""
     here = at(0, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=(900.0, 0.0))
 
@@ -235,7 +235,7 @@ def test_a_report_of_a_thing_without_an_entity_is_a_confusion(of) -> None:  # ty
         ((math.inf, 0, 1, 1), ""),
     ],
 )
-def test_a_box_of_another_convention_is_told_from_a_miss(of, numbers, convention) -> None:  # type: ignore[no-untyped-def]
+def test_a_box_of_another_convention_is_distinguished_from_a_miss(of, numbers, convention) -> None:  # type: ignore[no-untyped-def]
     """The target lies at (0.4, 0.3) to (0.6, 0.5) of a picture of 1920 x 1080 pixels."""
     person = Box(entity="victim[1]", cls="person_in_water", box=(0.4, 0.3, 0.6, 0.5), pixels=9)
     seen = replace(frame("a", 1), boxes=(person,))
@@ -271,7 +271,7 @@ def test_attention_is_thresholded_at_mean_plus_one_deviation(of, tmp_path: Path)
         (np.array([[np.nan]]), "not finite"),
     ],
 )
-def test_invalid_attention_is_named(array: object, words: str, tmp_path: Path) -> None:
+def test_an_invalid_attention_map_is_rejected_with_the_reason(array: object, words: str, tmp_path: Path) -> None:
     np.savez(tmp_path / "m.npz", f1=array)
     with pytest.raises(UsageError, match=words):
         read_attention(tmp_path / "m.npz")
@@ -280,7 +280,7 @@ def test_invalid_attention_is_named(array: object, words: str, tmp_path: Path) -
         read_attention(tmp_path / "n.npz")
 
 
-def test_invalid_archives_of_maps_are_named(tmp_path: Path) -> None:
+def test_the_error_for_an_invalid_archive_of_attention_maps_names_the_file(tmp_path: Path) -> None:
     np.save(tmp_path / "one.npy", np.ones((3, 3)))
     (tmp_path / "empty.npz").touch()
     np.savez_compressed(tmp_path / "damaged.npz", f1=np.arange(900.0).reshape(30, 30))
@@ -297,7 +297,7 @@ def test_invalid_archives_of_maps_are_named(tmp_path: Path) -> None:
             read_attention(tmp_path / name)
 
 
-def test_pools_add_up_counts_and_balance_tasks(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+def test_pooled_metrics_sum_counts_and_weight_missions_equally(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     """SSR is won in star (1 of 1) and in half of the broadcast episodes, BI is lost: ((1 + 0.5) / 2 + 0) / 2."""
     assert trace.outcome is not None
 
@@ -340,7 +340,7 @@ def test_perception_is_pooled_over_the_frames_of_retained_episodes(of, trace: Tr
     assert together(played(cut))["perception"]["miss_rate"] is None
 
 
-def test_calibration_weighs_ten_bins_by_their_reports() -> None:
+def test_the_calibration_error_weighs_ten_bins_by_their_reports() -> None:
     """0.95 and 0.91 are in one bin with one hit: |1 - 1.86| = 0.86. 0.25 is false: 0.25. The sum is divided by three.
     A confidence outside 0..1 counts in the nearest bin."""
     assert calibration_error([(0.95, True), (0.91, False), (0.25, False)]) == pytest.approx((0.86 + 0.25) / 3)
@@ -363,7 +363,7 @@ def test_repeated_events_and_stages_are_pooled(trace: Trace) -> None:
     assert together(Played(()))["repeated_target_rate"] is None
 
 
-def test_domain_difference_is_real_less_simulated_on_matched_episodes(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+def test_domain_difference_is_real_minus_simulated_on_matched_episodes(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     over = trace.outcome
     good = of(
         boundary(0),
@@ -381,7 +381,7 @@ def test_domain_difference_is_real_less_simulated_on_matched_episodes(of, trace:
         domain_difference(played(good), played(good, good))
 
 
-def test_relative_cost_divides_tokens(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+def test_the_cost_factor_is_a_ratio_of_tokens(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     def spent(prompt: int, completion: int) -> Trace:
         usage = Usage(calls=1, prompt_tokens=prompt, completion_tokens=completion)
         made = DecisionRecord(agent="scout[1]", decision=Decision(usage=usage))
@@ -416,7 +416,7 @@ def test_the_command_prints_a_table_json_and_csv(
     assert run_command(["metrics", str(trace.path), "--baseline", "none.mcap"]) == 2
 
 
-def test_a_formula_in_a_name_remains_text() -> None:
+def test_a_spreadsheet_formula_in_a_name_is_written_as_text() -> None:
     stages = [{"name": "=cmd|' /C calc'!A0", "done": 0, "required": 1}]
     (cells,) = list(csv.reader(io.StringIO(as_csv([{"policy": "=1+1", "stages": stages}]))))[1:]
     assert all(cell.startswith("'=") for cell in cells)

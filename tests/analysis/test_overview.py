@@ -56,7 +56,7 @@ def titled(trace: Trace, title: str) -> Trace:
     return dataclasses.replace(trace, header=header, boundaries=trace.boundaries[:1], outcome=None)
 
 
-def test_a_title_in_chinese_is_written_in_a_font_that_has_it(trace: Trace, tmp_path: Path) -> None:
+def test_a_chinese_title_is_drawn_in_a_font_with_chinese_letters(trace: Trace, tmp_path: Path) -> None:
     """matplotlib's list of fonts may be old. Without the font, two titles would be drawn as equal boxes."""
     if fonts.letters_without_a_font("海上搜救"):
         pytest.skip("no font with Chinese letters is installed here: apt-get install fonts-noto-cjk")
@@ -114,7 +114,7 @@ def test_an_abort_a_bare_mission_and_lost_pictures_are_drawn(trace: Trace, tmp_p
     assert drawn(odd, tmp_path / "o.png").shape == (1200, 1800, 3)
 
 
-def test_a_place_that_cannot_be_written_is_a_usage_error(trace: Trace, tmp_path: Path) -> None:
+def test_a_path_that_cannot_be_written_is_a_usage_error(trace: Trace, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot write"):
         draw_overview(trace, tmp_path / "missing" / "o.png")
 
@@ -136,7 +136,7 @@ def test_missed_targets_are_shown_when_nothing_was_reported(trace: Trace) -> Non
     assert len(views) == 3 and all("visible, not reported" in view.caption for view in views)
 
 
-def test_the_history_has_every_fate(trace: Trace) -> None:
+def test_the_history_has_missed_found_and_completed_targets(trace: Trace) -> None:
     assert set(history_of(trace).fate.values()) == {"completed"}
     early = Trace(trace.path, trace.header, trace.boundaries[:10], None, False, trace.places)
     assert history_of(early).fate == {"victim[1]": "found", "victim[2]": "found", "victim[3]": "found"}
@@ -166,7 +166,7 @@ def test_colours_are_distinct_and_shades_end_at_white() -> None:
     assert all(min(int(colour[at : at + 2], 16) for at in (1, 3, 5)) < 200 for colour in many)  # none is lost on white
 
 
-def test_a_fleet_of_forty_can_be_read(trace: Trace) -> None:
+def test_the_labels_of_a_fleet_of_forty_do_not_overlap(trace: Trace) -> None:
     """No name covers another. Lanes have names as far as there is room; batteries only have the map's colours."""
     history = history_of(trace)
     agent, track = history.instance.agents[0], next(track for track in history.tracks_of("asset") if track.battery)
@@ -187,7 +187,7 @@ def test_a_fleet_of_forty_can_be_read(trace: Trace) -> None:
     assert len(batteries.lines) == 40 and batteries.get_legend() is None
 
 
-def test_a_picture_that_cannot_be_decoded_is_not_called_missing(trace: Trace) -> None:
+def test_a_picture_that_cannot_be_decoded_is_not_reported_as_missing(trace: Trace) -> None:
     history = history_of(trace)
     figure = Figure()
     FigureCanvasAgg(figure)
@@ -206,7 +206,7 @@ def marks(history: History, *entities: str) -> list[str]:
     return [text.get_text() for text in axes.texts]
 
 
-def test_a_dot_contains_its_targets_index(trace: Trace) -> None:
+def test_the_dot_of_an_event_contains_the_index_of_its_target(trace: Trace) -> None:
     """A depot before twenty stops must not shift their indices. Two groups with equal indices have letters."""
     history = history_of(trace)
     victims = [entity for entity in history.instance.entities if entity.group == "victim"]
@@ -254,7 +254,7 @@ def written(draw, *args: object, **options: object) -> list[str]:  # type: ignor
     return [text.get_text() for text in (*axes.texts, *(legend.get_texts() if legend else ()))]
 
 
-def test_a_reference_picture_is_no_evidence(trace: Trace) -> None:
+def test_a_reference_picture_is_neither_chosen_nor_counted(trace: Trace) -> None:
     shown = with_reference(trace)
     history = history_of(shown)
     assert "r0" in history.frames
@@ -324,7 +324,7 @@ mission tide "Tide" {
 """
 
 
-def test_events_in_force_are_bars_of_the_timeline(tmp_path: Path) -> None:
+def test_active_events_are_drawn_as_bars_in_the_timeline(tmp_path: Path) -> None:
     played = play(TIDE, tmp_path, policy=scripted({}), seed=1)
     history = history_of(played.trace)
     spans = [(span.name, span.begin, span.end, span.undone) for span in history.spans]

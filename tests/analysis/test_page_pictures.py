@@ -42,7 +42,7 @@ def _sized(box, frame, share):  # type: ignore[no-untyped-def]
     return replace(box, box=(0.4, 0.4, 0.6, 0.6), pixels=round(share * whole))
 
 
-def test_a_target_is_shown_neither_tiny_nor_filling_the_picture(trace: Trace) -> None:
+def test_the_chosen_picture_shows_its_target_neither_tiny_nor_too_large(trace: Trace) -> None:
     target = next(entity.id for entity in trace.header.instance.entities if entity.role == "target")
     seen = [frame.id for frame in trace.frames.values() if any(box.entity == target for box in frame.boxes)]
     assert len(seen) >= 2

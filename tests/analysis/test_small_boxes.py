@@ -15,7 +15,9 @@ from lingjing.analysis.small_boxes import chance, chance_level, passes, strict_d
 @pytest.mark.parametrize(("shift", "tolerance", "passed"), [
     ((2, 2), 0, True), ((3, 3), 0, False), ((3, 3), 3, True), ((3, 0), 0, True), ((4, 3), 3, False), ((0, 0), 0, True),
 ])  # fmt: skip
-def test_a_person_of_15_by_9_pixels(shift: tuple[float, float], tolerance: float, passed: bool) -> None:
+def test_a_shifted_box_of_15_by_9_pixels_passes_within_its_tolerance(
+    shift: tuple[float, float], tolerance: float, passed: bool
+) -> None:
     assert passes(15, 9, shift, tolerance) == passed
     moved = (shift[0] / 1920, shift[1] / 1080, (15 + shift[0]) / 1920, (9 + shift[1]) / 1080)
     assert (iou((0.0, 0.0, 15 / 1920, 9 / 1080), moved) >= 0.5) == passes(15, 9, shift)

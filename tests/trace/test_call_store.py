@@ -93,15 +93,15 @@ from lingjing.trace.calls import CallResult
 store = CallStore(Path(sys.argv[1]), EPISODE)
 tick = 0
 while True:
-    asked = question(tick, "x" * 5000, str(tick))
-    store.begin("scout", asked)
+    request = question(tick, "x" * 5000, str(tick))
+    store.begin("scout", request)
     print(tick, flush=True)
-    store.end("scout", asked, CallResult(text=str(tick)))
+    store.end("scout", request, CallResult(text=str(tick)))
     tick += 1
 """
 
 
-def test_a_killed_process_leaves_whole_records(tmp_path: Path) -> None:
+def test_a_killed_process_leaves_complete_records(tmp_path: Path) -> None:
     path = tmp_path / CALLS_NAME
     root = Path(__file__).parents[2]
     command = [sys.executable, "-c", KILLED, str(path)]
@@ -227,7 +227,7 @@ def test_a_packed_record_has_the_calls_of_the_record(tmp_path: Path) -> None:
     assert (call.agent, call.messages) == ("a", question(0, "hello").messages)
 
 
-def test_a_damaged_packed_record_is_one_clear_message(
+def test_a_damaged_packed_record_is_reported_in_one_message(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     packed = tmp_path / "packed" / PACKED_NAME

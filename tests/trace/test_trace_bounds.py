@@ -30,7 +30,7 @@ print(json.dumps({"boundaries": len(trace.boundaries), "complete": trace.complet
 """
 
 ROOM = 900_000
-"""Kilobytes by which reading may let a process grow: one chunk of the longest, packed and unpacked."""
+"""Largest allowed growth of a process that reads, in kilobytes: the longest chunk, packed and unpacked."""
 
 CHUNK, MESSAGE, CHANNEL, METADATA = 0x06, 0x05, 0x04, 0x0C
 
@@ -75,7 +75,7 @@ def one_huge_record() -> Iterator[bytes]:
         yield SPACES
 
 
-def messages_without_end(data: bytes, gigabytes: float) -> bytes:
+def many_messages(data: bytes, gigabytes: float) -> bytes:
     some = message(99, data) * (len(SPACES) // len(message(99, data)))
     return pack(some for _ in range(round(gigabytes * 2**30 / len(some))))
 
@@ -83,7 +83,7 @@ def messages_without_end(data: bytes, gigabytes: float) -> bytes:
 def bombs() -> dict[str, bytes]:
     huge = pack(one_huge_record())
     size = 9 + HUGE * len(SPACES)
-    small = messages_without_end(b"", 0.2)
+    small = many_messages(b"", 0.2)
     words = np.zeros((6_000_000, 3), "<u4")  # the length of a key, the key and the length of its value
     words[:, 0], words[:, 1] = 4, np.arange(len(words))
     texts = words.tobytes()
@@ -93,8 +93,8 @@ def bombs() -> dict[str, bytes]:
     many = zstandard.compress(SPACES)
     return {
         "a chunk of 1.3 GB": chunk(huge, size),
-        "one that does not say so": chunk(huge, 100),
-        "one that says that it is smaller": chunk(huge, LIMIT),
+        "a chunk of 1.3 GB that declares 100 bytes": chunk(huge, 100),
+        "a chunk of 1.3 GB that declares the limit": chunk(huge, LIMIT),
         "a chunk of millions of messages": chunk(
             small, len(zstandard.ZstdDecompressor().decompressobj().decompress(small))
         ),
@@ -102,22 +102,22 @@ def bombs() -> dict[str, bytes]:
         "deep JSON": chunk(zstandard.compress(deep), len(deep)),
         "a channel with millions of texts": chunk(names, len(zstandard.ZstdDecompressor().decompress(names))),
         "an unknown compression": chunk(huge, size, compression="lz4"),
-        "a declared chunk that is not there": struct.pack("<BQ", CHUNK, 2**62),
-        "an attachment that is not there": struct.pack("<BQ", 0x09, LIMIT - 1),
+        "a missing chunk of declared length": struct.pack("<BQ", CHUNK, 2**62),
+        "a missing attachment of declared length": struct.pack("<BQ", 0x09, LIMIT - 1),
     }
 
 
 BOMBS = (
     "a chunk of 1.3 GB",
-    "one that does not say so",
-    "one that says that it is smaller",
+    "a chunk of 1.3 GB that declares 100 bytes",
+    "a chunk of 1.3 GB that declares the limit",
     "a chunk of millions of messages",
     "hundreds of chunks",
     "deep JSON",
     "a channel with millions of texts",
     "an unknown compression",
-    "a declared chunk that is not there",
-    "an attachment that is not there",
+    "a missing chunk of declared length",
+    "a missing attachment of declared length",
 )
 
 
@@ -130,7 +130,7 @@ def hostile() -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("name", BOMBS)
-def test_a_bomb_after_good_boundaries_is_a_damaged_place(
+def test_a_decompression_bomb_ends_the_reading_and_earlier_boundaries_are_kept(
     name: str, hostile: dict[str, bytes], trace: Trace, tmp_path: Path
 ) -> None:
     """Without limits, each file takes gigabytes or minutes; the suite's time limit would end the test."""
@@ -153,7 +153,7 @@ def _before_the_summary(trace: Trace) -> bytes:
     return data[:last]
 
 
-def test_records_that_unpack_to_more_than_a_trace_are_refused(trace: Trace, tmp_path: Path) -> None:
+def test_records_that_unpack_to_more_than_the_limit_of_a_trace_are_rejected(trace: Trace, tmp_path: Path) -> None:
     boundary = next(stored.data for stored in scan(trace.path) if stored.topic == "/lingjing/boundary")
     padded = boundary[:-1] + b" " * (30 * 2**20) + b"}"
     data = channel(9, "/lingjing/boundary") + message(9, padded) * 3
@@ -163,7 +163,7 @@ def test_records_that_unpack_to_more_than_a_trace_are_refused(trace: Trace, tmp_
         read_trace(path)
 
 
-def test_a_chunk_is_checked_against_its_sum(tmp_path: Path) -> None:
+def test_a_chunk_is_checked_against_its_checksum(tmp_path: Path) -> None:
     data = channel(1, "/x") + message(1, b"hi")
     for crc, expected in ((zlib.crc32(data), [b"hi"]), (1, [])):
         path = tmp_path / f"{crc}.mcap"
@@ -171,7 +171,7 @@ def test_a_chunk_is_checked_against_its_sum(tmp_path: Path) -> None:
         assert [stored.data for stored in scan(path)] == expected
 
 
-def test_an_unpacked_chunk_is_read(tmp_path: Path) -> None:
+def test_an_uncompressed_chunk_is_read(tmp_path: Path) -> None:
     data = channel(1, "/x") + message(1, b"hi")
     path = tmp_path / "t.mcap"
     path.write_bytes(MAGIC + chunk(data, len(data), compression=""))
@@ -180,7 +180,7 @@ def test_an_unpacked_chunk_is_read(tmp_path: Path) -> None:
     assert not list(scan(path))
 
 
-def test_a_long_trace_of_nothing_stays_within_the_bounds(tmp_path: Path) -> None:
+def test_the_most_compressible_trace_stays_within_the_bounds(tmp_path: Path) -> None:
     """The most compressible file that the writer produces has black pictures and no motion."""
     path = tmp_path / "t.mcap"
     sea_rescue.write_episode(path, ticks=40, depth=True)
@@ -190,7 +190,7 @@ def test_a_long_trace_of_nothing_stays_within_the_bounds(tmp_path: Path) -> None
     assert sum(1 for _ in scan(path)) < packed / 16
 
 
-def test_lengths_beyond_every_number_are_a_damaged_place(trace: Trace, tmp_path: Path) -> None:
+def test_an_impossible_chunk_length_ends_the_reading_and_earlier_chunks_are_kept(trace: Trace, tmp_path: Path) -> None:
     """A length of 2**63 or more cannot be used as an index. The chunk before it is read all the same."""
     good = channel(1, "/x") + message(1, b"hi")
     whole = chunk(zstandard.compress(good), len(good))

@@ -48,7 +48,7 @@ def rich(trace: Trace) -> BoundaryRecord:
     return next(record for record in trace.boundaries if record.frames and record.events and record.decisions)
 
 
-def test_wall_clock_and_pixels_do_not_count(rich: BoundaryRecord) -> None:
+def test_wall_clock_and_pixels_do_not_change_the_digest(rich: BoundaryRecord) -> None:
     other = replace(
         rich,
         wall_s=99.0,
@@ -61,7 +61,7 @@ def test_wall_clock_and_pixels_do_not_count(rich: BoundaryRecord) -> None:
     assert next_digest("p", other) == next_digest("p", rich)
 
 
-def test_free_text_does_not_count(rich: BoundaryRecord) -> None:
+def test_free_text_does_not_change_the_digest(rich: BoundaryRecord) -> None:
     """A reworded message, a thought and a price change no digest."""
     other = replace(
         rich,
@@ -87,7 +87,7 @@ def test_free_text_does_not_count(rich: BoundaryRecord) -> None:
     assert next_digest("p", other, 1) != next_digest("p", plain, 1)
 
 
-def test_default_values_do_not_count(rich: BoundaryRecord) -> None:
+def test_default_values_are_not_part_of_the_digest(rich: BoundaryRecord) -> None:
     """A new field with a default changes no digest, because values that equal their default are not written."""
     state = BodyState(id="a", position=(1.0, 2.0, 3.0))
     assert current_form(state) == {"id": "a", "position": (1.0, 2.0, 3.0)}
@@ -129,7 +129,7 @@ def test_the_defaults_of_the_form_are_those_of_the_records() -> None:
             assert row.default is not REQUIRED and row.default == default, (kind, row.key)
 
 
-def test_wall_clocks_hashes_and_free_text_alone_are_left_out() -> None:
+def test_only_the_listed_fields_are_left_out_of_the_digest() -> None:
     left_out = {f"{kind.__name__}.{row.key}" for kind, rows in FORMS.items() for row in rows if row.derived}
     assert left_out == {
         "BoundaryRecord.digest",
@@ -160,7 +160,7 @@ def _structs(annotation: object) -> set[type]:
     return {kind for part in typing.get_args(annotation) for kind in _structs(part)}
 
 
-def test_every_other_field_counts(rich: BoundaryRecord) -> None:
+def test_every_other_field_changes_the_digest(rich: BoundaryRecord) -> None:
     before = next_digest("p", rich)
     assert next_digest("q", rich) != before
     changed = {
@@ -178,7 +178,7 @@ def test_every_other_field_counts(rich: BoundaryRecord) -> None:
         assert next_digest("p", replace(rich, **{field: value})) != before, field
 
 
-def test_coordination_relations_do_not_count(rich: BoundaryRecord) -> None:
+def test_coordination_relations_do_not_change_the_digest(rich: BoundaryRecord) -> None:
     occurred = (records.RelationRecord(kind="k", source="a", target="b", by="c", tick=1),)
     assert rich.relations != occurred
     assert next_digest("p", replace(rich, relations=occurred)) == next_digest("p", rich)
@@ -200,7 +200,7 @@ def test_key_order_does_not_change_the_digest(rich: BoundaryRecord) -> None:
     assert len(digests) == 1
 
 
-def test_a_number_that_is_not_finite_is_an_engine_fault(rich: BoundaryRecord) -> None:
+def test_a_number_that_is_not_finite_is_an_infrastructure_error(rich: BoundaryRecord) -> None:
     bad = Snapshot(time_s=0.0, states=(BodyState(id="a", position=(float("nan"), 0.0, 0.0)),))
     with pytest.raises(InfrastructureError, match="BoundaryRecord holds a value that cannot be kept"):
         next_digest("", replace(rich, snapshots=(bad,)))
@@ -217,7 +217,7 @@ def test_odd_values_of_policies_are_encoded(rich: BoundaryRecord) -> None:
     assert next_digest("", record) == next_digest("", from_json(to_json(record), BoundaryRecord))
 
 
-def test_tampering_is_found(trace: Trace) -> None:
+def test_tampering_is_detected(trace: Trace) -> None:
     for index in (0, len(trace.boundaries) // 2, len(trace.boundaries) - 1):
         forged = list(trace.boundaries)
         forged[index] = replace(forged[index], reward=42.0)
@@ -227,7 +227,7 @@ def test_tampering_is_found(trace: Trace) -> None:
     assert "outcome" in (verify(_with(trace, trace.boundaries[:-1])) or "")
 
 
-def test_swapped_pixels_are_found(trace: Trace) -> None:
+def test_swapped_pixels_are_detected(trace: Trace) -> None:
     first, second = [name for name, frame in trace.frames.items() if frame.entity == "uav[1]"][:2]
     places = {**trace.places, first: trace.places[second]}
     forged = Trace(trace.path, trace.header, trace.boundaries, trace.outcome, True, places)
@@ -251,7 +251,7 @@ ENVELOPE = Envelope(
 RECEIPT = Receipt(request="c1-1", tick=1, sender="a", resource="r", status="accepted")
 
 
-def test_input_digest_covers_what_a_policy_sees_and_nothing_hidden(rich: BoundaryRecord) -> None:
+def test_the_input_digest_covers_the_inputs_of_a_policy_and_no_hidden_values(rich: BoundaryRecord) -> None:
     seen = ObservationRecord(agent="scout[1]", frames=("f",))
     frame = rich.frames[0]
     before = input_digest(seen, (ENVELOPE,), (RECEIPT,), (frame,))
@@ -304,11 +304,11 @@ def test_an_older_trace_is_compared_in_the_current_version() -> None:
     assert digests[-1] == "c22a5e26b24ead196b84782f9f25d33f11029da4d0c0e2f469f69cae87a693d1"
 
 
-def test_a_header_says_which_version_its_digests_have(trace: Trace) -> None:
+def test_the_header_has_the_version_of_the_digests(trace: Trace) -> None:
     assert trace.header.digest_version == 2
     assert current_digests(trace) == tuple(record.digest for record in trace.boundaries)
-    lied = Trace(trace.path, replace(trace.header, digest_version=1), trace.boundaries, trace.outcome, True, {})
-    assert "boundary 0" in (verify(lied) or "")
+    mislabelled = Trace(trace.path, replace(trace.header, digest_version=1), trace.boundaries, trace.outcome, True, {})
+    assert "boundary 0" in (verify(mislabelled) or "")
 
 
 def _with(trace: Trace, boundaries: tuple[BoundaryRecord, ...]) -> Trace:

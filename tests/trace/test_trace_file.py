@@ -55,18 +55,18 @@ def test_pictures_are_read_back_with_all_channels(trace: Trace) -> None:
         assert np.allclose(back.depth, depth, atol=0.0051) and np.array_equal(back.semantic, semantic)
 
 
-def test_a_picture_without_depth_has_none(tmp_path: Path) -> None:
+def test_the_depth_of_a_picture_without_depth_is_none(tmp_path: Path) -> None:
     sea_rescue.write_episode(tmp_path / "t.mcap", ticks=4)
     back = read_trace(tmp_path / "t.mcap")
     assert back.picture("f3-uav[1]-nadir").depth is None and back.picture("f3-uav[1]-nadir").semantic is None
 
 
-def test_an_unknown_picture_is_named(trace: Trace) -> None:
+def test_the_error_for_an_unknown_picture_has_its_name(trace: Trace) -> None:
     with pytest.raises(UsageError, match="no picture f99"):
         trace.picture("f99")
 
 
-def test_a_cut_file_is_read_to_its_last_whole_boundary(trace: Trace, tmp_path: Path) -> None:
+def test_a_cut_file_is_read_to_its_last_complete_boundary(trace: Trace, tmp_path: Path) -> None:
     data, part = trace.path.read_bytes(), tmp_path / "trace.mcap.part"
     lengths = set()
     for at in sorted(random.Random(3).sample(range(len(data)), 80)):
@@ -133,7 +133,9 @@ def _plain_boundaries(path: Path) -> int:
 
 
 @pytest.mark.parametrize("reason", CUT_SHORT)
-def test_an_abandoned_episode_keeps_the_suffix_and_is_read_whole(tmp_path: Path, reason: Reason) -> None:
+def test_the_file_of_an_abandoned_episode_keeps_its_suffix_and_is_read_completely(
+    tmp_path: Path, reason: Reason
+) -> None:
     path = tmp_path / "trace.mcap"
     outcome = Outcome(success=False, reason=reason, scr=0.0, ticks=4, digest="", frames_digest="")
     with TraceWriter(path, sea_rescue.header()) as writer:
@@ -148,7 +150,7 @@ def test_an_abandoned_episode_keeps_the_suffix_and_is_read_whole(tmp_path: Path,
     assert list(back.boundaries) == records and verify(back) is None
 
 
-def test_an_exception_leaves_a_closed_part(tmp_path: Path) -> None:
+def test_an_exception_leaves_a_closed_part_file(tmp_path: Path) -> None:
     path = tmp_path / "trace.mcap"
     with pytest.raises(ZeroDivisionError), TraceWriter(path, sea_rescue.header()) as writer:
         writer.boundary(*next(sea_rescue.episode(4)))
@@ -158,7 +160,7 @@ def test_an_exception_leaves_a_closed_part(tmp_path: Path) -> None:
         writer.boundary(*next(sea_rescue.episode(4)))
 
 
-def test_nothing_is_overwritten(tmp_path: Path) -> None:
+def test_an_existing_file_is_not_overwritten(tmp_path: Path) -> None:
     for existing in (tmp_path / "trace.mcap", tmp_path / "trace.mcap.part"):
         existing.write_text("mine")
         with pytest.raises(UsageError, match="exists already"):
@@ -167,7 +169,7 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
         existing.unlink()
 
 
-def test_an_unwritable_place_is_a_usage_error(tmp_path: Path) -> None:
+def test_a_path_that_cannot_be_written_is_a_usage_error(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot write the trace") as caught:
         TraceWriter(tmp_path / "missing" / "trace.mcap", sea_rescue.header())
     assert caught.value.exit_code == ExitCode.USAGE
@@ -184,7 +186,7 @@ def test_a_full_disk_is_a_usage_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [None, b"", b"hello", b"\x89MCAP0\r\n", b"\x89PNG" * 100, b"\0" * 10_000])
-def test_a_file_that_is_no_trace_is_a_clear_error(content: bytes | None, tmp_path: Path) -> None:
+def test_the_error_for_a_file_that_is_no_trace_names_the_path(content: bytes | None, tmp_path: Path) -> None:
     path = tmp_path / "trace.mcap"
     if content is not None:
         path.write_bytes(content)
@@ -193,7 +195,7 @@ def test_a_file_that_is_no_trace_is_a_clear_error(content: bytes | None, tmp_pat
     assert str(path) in str(caught.value)
 
 
-def test_a_pipe_is_refused_before_it_is_opened(trace: Trace, tmp_path: Path) -> None:
+def test_a_pipe_is_rejected_before_it_is_opened(trace: Trace, tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)  # without a writer, opening it would block for ever
     for read in (read_trace, lingjing.verify):
@@ -205,13 +207,13 @@ def test_a_pipe_is_refused_before_it_is_opened(trace: Trace, tmp_path: Path) -> 
     assert "not from standard input" in caught.value.hint
 
 
-@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="a file that cannot be read at its beginning is due")
-def test_a_disk_that_cannot_be_read_is_not_one_that_cannot_be_written() -> None:
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="needs a file whose first bytes cannot be read")
+def test_a_read_error_is_not_reported_as_a_write_error() -> None:
     with pytest.raises(UsageError, match="cannot read the trace /proc/self/mem"):
         read_trace("/proc/self/mem")
 
 
-def test_a_folder_is_no_trace(tmp_path: Path) -> None:
+def test_a_folder_without_a_trace_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot read the trace"):
         read_trace(tmp_path)
 
@@ -302,7 +304,7 @@ def test_records_are_read_without_unpacking_pictures(trace: Trace) -> None:
     assert records == again
 
 
-def test_a_damaged_picture_is_named_when_it_is_read(trace: Trace, tmp_path: Path) -> None:
+def test_a_damaged_picture_is_an_error_only_when_it_is_read(trace: Trace, tmp_path: Path) -> None:
     last = list(trace.frames)[-1]
     place = next(iter(trace.places[last].values())).chunk_at
     broken = bytearray(trace.path.read_bytes())

@@ -14,7 +14,7 @@ from lingjing.testing.traces import part_path
 from lingjing.trace.following import TraceFollower
 
 
-def test_boundaries_come_one_by_one_and_the_outcome_at_the_end(trace: Trace, tmp_path: Path) -> None:
+def test_each_boundary_is_read_when_it_is_written_and_the_outcome_at_the_end(trace: Trace, tmp_path: Path) -> None:
     path = tmp_path / "trace.mcap"
     follower = TraceFollower(path)
     assert follower.more() == () and follower.trace is None
@@ -54,7 +54,7 @@ def test_a_file_that_is_no_trace_is_an_error(tmp_path: Path) -> None:
         TraceFollower(tmp_path / "trace.mcap").more()
 
 
-def test_boundaries_of_a_call_that_a_renaming_ended_are_returned_by_the_next_call(
+def test_boundaries_that_a_call_lost_during_a_rename_are_returned_by_the_next_call(
     trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "trace.mcap"

@@ -24,7 +24,7 @@ def rotate(quaternion, vector) -> np.ndarray:  # type: ignore[no-untyped-def]
 
 @pytest.mark.parametrize("heading", range(0, 360, 45))
 @pytest.mark.parametrize("tilt", [(0, 0), (20, 0), (0, 30), (-40, 100), (10, -170)])
-def test_a_body_looks_where_its_heading_points(heading: int, tilt: tuple[int, int]) -> None:
+def test_the_forward_axis_of_a_body_follows_its_heading_and_pitch(heading: int, tilt: tuple[int, int]) -> None:
     state = BodyState(id="a", position=(1.0, 2.0, 3.0), heading_deg=heading, pitch_deg=tilt[0], roll_deg=tilt[1])
     _, _, data = foxglove.transforms(Snapshot(time_s=1.5, states=(state,)))
     (transform,) = FrameTransforms.FromString(data).transforms
@@ -54,8 +54,8 @@ def test_the_parent_frame_of_a_camera_is_its_body(body: tuple[int, int, int], ca
     assert np.allclose(axes, foxglove.camera_axes(pose), atol=1e-9)
 
 
-def test_other_readers_find_metres_and_a_tree_of_frames(trace: Trace, episode_path: Path) -> None:
-    """The plain `mcap` reader finds depth as ROS's `32FC1`, and for each camera its body as parent frame."""
+def test_other_readers_read_depth_in_metres_and_a_tree_of_frames(trace: Trace, episode_path: Path) -> None:
+    """The plain `mcap` reader returns depth as ROS's `32FC1`, and for each camera its body as parent frame."""
     parents: dict[str, str] = {}
     depths = 0
     with episode_path.open("rb") as file:
@@ -76,7 +76,7 @@ def test_other_readers_find_metres_and_a_tree_of_frames(trace: Trace, episode_pa
     assert all(parents[parent] == foxglove.WORLD for parent in cameras.values())
 
 
-def test_a_depth_image_is_the_bytes_that_protobuf_writes(trace: Trace) -> None:
+def test_a_depth_image_has_the_bytes_that_protobuf_writes(trace: Trace) -> None:
     frame, data = next(iter(trace.frames.values())), bytes(range(256)) * 700
     messages = {topic: message for topic, _, message in foxglove.frame_messages(frame, b"", data)}
     message = messages[camera_topic(frame, "depth")]
@@ -92,7 +92,7 @@ def test_the_parent_frame_of_a_camera_without_a_body_is_the_world() -> None:
     assert (transform.translation.x, transform.translation.z) == (5.0, 7.0)
 
 
-def test_the_truth_lies_on_the_projected_person(trace: Trace) -> None:
+def test_a_target_projects_into_its_true_box(trace: Trace) -> None:
     """Camera frame, focal length and boxes are consistent: a victim projects into its own true box."""
     checked = 0
     for frame in trace.frames.values():

@@ -30,7 +30,7 @@ def test_a_jpeg_is_close_to_its_input_and_deterministic() -> None:
     assert len(images.encode_jpeg(rgb, quality=40)) < len(data)
 
 
-def test_depth_is_kept_to_half_a_centimetre_and_small() -> None:
+def test_stored_depth_is_exact_to_half_a_centimetre_and_small() -> None:
     depth = sea_depth()
     depth[:50] = np.inf
     depth[50, :3] = (655.33, 4321.123, 0.0)
@@ -48,19 +48,19 @@ def test_depth_is_kept_to_half_a_centimetre_and_small() -> None:
 @pytest.mark.parametrize(
     ("value", "expected"), [(np.nan, np.inf), (np.inf, np.inf), (-1.0, 0.0), (-np.inf, 0.0), (550e3, 550e3)]
 )
-def test_odd_depths_do_not_wrap(value: float, expected: float) -> None:
+def test_extreme_depths_do_not_wrap_around(value: float, expected: float) -> None:
     back = images.decode_depth(images.encode_depth(images.quantise_depth(np.full((3, 4), value, np.float32))), 4, 3)
     assert (back == np.float32(expected)).all()
 
 
-def test_random_depth_survives() -> None:
+def test_random_depth_is_the_same_after_encoding_and_decoding() -> None:
     depth = np.random.default_rng(1).uniform(0, 700, (37, 53)).astype(np.float32)
     assert np.array_equal(
         images.decode_depth(images.encode_depth(images.quantise_depth(depth)), 53, 37), images.quantise_depth(depth)
     )
 
 
-def test_class_ids_are_exact_and_other_programs_open_the_picture() -> None:
+def test_class_ids_are_stored_exactly_as_a_png() -> None:
     ids = np.random.default_rng(2).integers(0, 256, (31, 47)).astype(np.uint8)
     data = images.encode_semantic(ids)
     assert data.startswith(b"\x89PNG")
@@ -68,12 +68,12 @@ def test_class_ids_are_exact_and_other_programs_open_the_picture() -> None:
 
 
 @pytest.mark.parametrize("decode", [images.decode_jpeg, images.decode_semantic])
-def test_broken_bytes_are_a_clear_error(decode) -> None:  # type: ignore[no-untyped-def]
+def test_invalid_picture_bytes_are_an_error(decode) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(LingjingError, match="broken"):
         decode(b"nonsense")
 
 
-def test_truncated_bodies_are_a_clear_error() -> None:
+def test_truncated_pictures_are_an_error() -> None:
     jpeg = images.encode_jpeg(sea_colour(64, 64))
     with pytest.raises(LingjingError, match="broken JPEG"):
         images.decode_jpeg(jpeg[: len(jpeg) // 2])
@@ -84,7 +84,7 @@ def test_truncated_bodies_are_a_clear_error() -> None:
         images.decode_depth(images.encode_depth(images.quantise_depth(sea_depth(64, 64)))[:8192], 64, 64)
 
 
-def test_a_small_file_of_very_many_pixels_is_refused() -> None:
+def test_a_small_file_with_too_many_pixels_is_rejected() -> None:
     import io
 
     import PIL.Image

@@ -87,7 +87,7 @@ def verdict(path: Path, data: bytes, key: bytes | None = None) -> Verification:
     return lingjing.verify(path, key)
 
 
-def test_a_whole_trace_is_ok(small: Path, signed: Path) -> None:
+def test_a_complete_trace_passes_verification(small: Path, signed: Path) -> None:
     assert lingjing.verify(small).state == "ok" and "not signed" in lingjing.verify(small).said
     result = lingjing.verify(signed)
     assert (result.state, result.signature) == ("ok", "unchecked")
@@ -139,7 +139,7 @@ def test_every_flipped_bit_of_a_signature_is_detected(signed: Path, tmp_path: Pa
     assert verdict(path, bytes(broken)).state == "wrong"  # the next chain covers an earlier hmac
 
 
-def test_a_cut_file_is_never_ok(small: Path, tmp_path: Path) -> None:
+def test_a_cut_file_never_passes_verification(small: Path, tmp_path: Path) -> None:
     data, path, states = small.read_bytes(), tmp_path / "t.mcap", set()
     for at in range(0, len(data), 1201):
         path.write_bytes(data[:at])
@@ -159,7 +159,7 @@ def test_the_report_on_a_cut_file_names_the_remaining_part(small: Path, tmp_path
     assert result.state == "cut" and result.said.startswith("2 boundaries") and "no outcome" in result.said
 
 
-def test_a_file_cut_in_its_summary_is_cut_and_its_outcome_not_covered(small: Path, tmp_path: Path) -> None:
+def test_the_outcome_of_a_file_cut_in_its_summary_is_not_covered_by_a_seal(small: Path, tmp_path: Path) -> None:
     data = small.read_bytes()
     for end in (len(data) - 3000, len(data) - 9, len(data) - 1):
         result = verdict(tmp_path / "t.mcap", data[:end])
@@ -168,7 +168,7 @@ def test_a_file_cut_in_its_summary_is_cut_and_its_outcome_not_covered(small: Pat
     assert verdict(tmp_path / "t.mcap", changed[:-1]).state == "wrong"
 
 
-def test_sealed_invalid_pictures_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_invalid_picture_in_a_sealed_trace_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lingjing.trace.foxglove._image", lambda *_: b"\xff" * 50)
     sea_rescue.write_episode(tmp_path / "trace.mcap", ticks=3)
     result = lingjing.verify(tmp_path / "trace.mcap")
@@ -304,7 +304,7 @@ def test_a_sealed_trace_of_a_later_version_is_unreadable_and_not_wrong(tmp_path:
     assert result.state == "unreadable" and "format `lingjing-trace/7`" in result.said
 
 
-def test_another_programs_file_is_unreadable(tmp_path: Path) -> None:
+def test_a_file_of_another_program_is_unreadable(tmp_path: Path) -> None:
     path = tmp_path / "t.mcap"
     with path.open("wb") as out:
         writer = mcap.writer.Writer(out)
@@ -357,7 +357,7 @@ def test_a_sealed_outcome_that_contradicts_the_records_is_wrong(
     assert result.state == "wrong" and words in result.said
 
 
-def test_a_key_is_read_or_refused(tmp_path: Path) -> None:
+def test_a_key_is_read_and_a_key_of_invalid_length_is_rejected(tmp_path: Path) -> None:
     path = tmp_path / "trace.key"
     with pytest.raises(UsageError, match="cannot read the key"):
         read_key(path)

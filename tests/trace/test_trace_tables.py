@@ -1,4 +1,4 @@
-"""Tables of a trace: rows, data frames of both libraries, pictures as arrays, and the messages for what is absent."""
+"""Tables of a trace: rows, data frames of both libraries, pictures as arrays, and errors for unknown names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def frames_of(library: str) -> object:
     return pytest.importorskip(library, reason=f"the extra `{library}` is not installed")
 
 
-def test_rows_are_the_records(trace: Trace) -> None:
+def test_the_rows_of_tables_have_the_values_of_the_records(trace: Trace) -> None:
     ticks, last = trace.rows(), trace.boundaries[-1]
     assert len(ticks) == len(trace.boundaries)
     assert (ticks[-1].tick, ticks[-1].score, ticks[-1].scr) == (last.tick, last.reward, last.scr)
@@ -85,7 +85,7 @@ def test_the_trace_of_a_folder_is_read(episode_path: Path, tmp_path: Path) -> No
         lingjing.read(tmp_path / "runs")
 
 
-def test_what_is_absent_is_named(trace: Trace) -> None:
+def test_the_error_for_an_unknown_table_or_library_has_its_name(trace: Trace) -> None:
     with pytest.raises(UsageError, match="no table `comands`") as error:
         trace.rows("comands")  # type: ignore[call-overload]
     assert "`commands`" in error.value.hint

@@ -82,7 +82,7 @@ def test_reported_boxes_have_the_time_of_their_picture(trace: Trace, episode_pat
         bottom = [points.points[2].y / frame.pose.height for points in drawn.points]
         assert left == pytest.approx([box[0] for _, box in reports[frame.id]])
         assert bottom == pytest.approx([box[3] for _, box in reports[frame.id]])
-        assert [text.text for text in drawn.texts] == [f"{who}: person_in_water" for who, _ in reports[frame.id]]
+        assert [text.text for text in drawn.texts] == [f"{sender}: person_in_water" for sender, _ in reports[frame.id]]
 
 
 def report_message(record: BoundaryRecord, **body: Any) -> Envelope:
@@ -122,17 +122,17 @@ def test_the_parent_frames_of_cameras_are_their_bodies_at_every_boundary(trace: 
 
     shown = ViewerMessages(trace.header.instance, Surroundings(camera=camera))
     for record in trace.boundaries[:8]:
-        hung = {}
+        cameras = {}
         for time_s, (topic, _, data) in shown.boundary(record):
             for transform in FrameTransforms.FromString(data).transforms if topic == "/tf" else ():
                 if "/" in transform.child_frame_id:
                     assert time_s == record.time_s
-                    hung[transform.child_frame_id] = transform
-        assert {name: transform.parent_frame_id for name, transform in hung.items()} == {
+                    cameras[transform.child_frame_id] = transform
+        assert {name: transform.parent_frame_id for name, transform in cameras.items()} == {
             f"uav[{n}]/nadir": f"uav[{n}]" for n in (1, 2, 3)
         }
         if not record.frames:
-            assert hung["uav[1]/nadir"].translation.z == pytest.approx(-1.0)
+            assert cameras["uav[1]/nadir"].translation.z == pytest.approx(-1.0)
 
 
 def test_the_city_is_in_the_file_once_as_meshes(trace: Trace, tmp_path: Path) -> None:
@@ -168,7 +168,7 @@ def test_hidden_entities_have_a_topic_of_their_own(trace: Trace, episode_path: P
     assert "entity/boat" in shown[SCENE] and "region/search" in shown[SCENE] and not shown[SCENE] & shown[HIDDEN]
 
 
-def test_a_trace_without_these_channels_is_read_the_same(trace: Trace, episode_path: Path, tmp_path: Path) -> None:
+def test_a_trace_without_viewer_messages_has_the_same_records(trace: Trace, episode_path: Path, tmp_path: Path) -> None:
     """Older traces have neither notes nor a city nor reported boxes."""
     older = tmp_path / "older.mcap"
     new = ("/agent/", "/scene", SCORE)
