@@ -1,5 +1,5 @@
-// Connects to a live episode with Foxglove's own client (`@foxglove/ws-protocol`), subscribes to everything, decodes what
-// comes, and prints as JSON how many messages each topic had once `/score` says that the episode is done.
+// Connects to a live episode with Foxglove's own client (`@foxglove/ws-protocol`), subscribes to all channels and decodes
+// their messages. When `/score` reports the end of the episode, prints the number of messages of each topic as JSON.
 import protocol from "@foxglove/ws-protocol";
 import Ajv from "ajv/dist/2020.js";
 import protobuf from "protobufjs";

@@ -1,5 +1,5 @@
 // Reads a trace as Foxglove does: `@mcap/core` with its indexes, JSON against its schemas with ajv in strict mode,
-// Protobuf with the descriptors of the file. Prints what it found as JSON; ends with 1 at the first thing that is wrong.
+// Protobuf with the descriptors of the file. Prints the results as JSON; exits with 1 at the first error.
 import { open } from "node:fs/promises";
 import { McapIndexedReader } from "@mcap/core";
 import { FileHandleReadable } from "@mcap/nodejs";

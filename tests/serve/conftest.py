@@ -57,7 +57,7 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
 
 
 def thoughts(trace: Trace) -> list[tuple[int, str]]:
-    """The noted calls of a trace with their boundaries."""
+    """The calls that are recorded as thoughts, with the ticks of their boundaries."""
     return [
         (record.tick, line)
         for record in trace.boundaries

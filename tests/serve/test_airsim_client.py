@@ -69,12 +69,12 @@ def test_a_drone_takes_off_hovers_turns_and_lands_and_the_trace_replays(serve: S
     assert math.dist(place(client), (0.0, 0.0, -3.0)) < 0.8
     client.hoverAsync().join()
     before = seconds(client)
-    assert seconds(client) == before, "without a call that waits, time stands still at this pace"
+    assert seconds(client) == before, "at this pace, time advances only during a call that waits"
     client.simContinueForTime(5.0)
     assert seconds(client) - before == pytest.approx(5.0)
     assert client.simIsPause()
     client.simPause(False)
-    assert math.dist(place(client), (0.0, 0.0, -3.0)) < 1.0, "it holds its place"
+    assert math.dist(place(client), (0.0, 0.0, -3.0)) < 1.0, "the drone holds its place"
     client.rotateToYawAsync(90.0, margin=2.0).join()
     turn = client.simGetVehiclePose().orientation
     assert math.degrees(2.0 * math.atan2(turn.z_val, turn.w_val)) == pytest.approx(90.0, abs=4.0)
@@ -130,7 +130,7 @@ def test_velocities_and_paths_are_north_east_down(serve: Serve) -> None:
     served.finish()
 
 
-def test_images_of_a_survey(serve: Serve) -> None:
+def test_a_client_receives_images_of_each_served_type(serve: Serve) -> None:
     served = serve("--scene", "bay", "--camera", "160x90")
     client = connected(served)
     client.takeoffAsync().join()
@@ -243,15 +243,15 @@ def test_two_drones_fly_at_once_and_a_reset_begins_another_episode(serve: Serve)
     assert (served.folder.with_name("run0-2") / "trace.mcap").is_file()
 
 
-def test_habits_of_published_scripts(serve: Serve) -> None:
-    """Calls that AirSim answers and that examples contain: they end no script."""
+def test_calls_of_published_scripts_are_answered(serve: Serve) -> None:
+    """Calls that AirSim answers and that published examples contain do not end a script."""
     served = serve("--scene", "bay", "--camera", "160x90")
     client = airsim.MultirotorClient(port=served.port)
     assert client.armDisarm(True) is False, "without control"
     client.enableApiControl(True)
     assert (client.armDisarm(False), client.armDisarm(True), client.armDisarm(False)) == (False, True, True)
     client.reset()
-    assert client.armDisarm(False) is False, "`reset` has taken the control"
+    assert client.armDisarm(False) is False, "`reset` has ended the control"
     least, most = client.simGetWorldExtents()
     here = client.getMultirotorState().gps_location
     assert least.latitude < here.latitude < most.latitude and least.longitude < here.longitude < most.longitude
@@ -297,7 +297,7 @@ def test_a_wrong_or_unserved_call_is_answered_with_a_message(serve: Serve) -> No
     served.finish()
 
 
-def test_a_killed_client_leaves_a_drone_that_holds_its_place(serve: Serve) -> None:
+def test_a_drone_holds_its_position_after_its_client_is_killed(serve: Serve) -> None:
     served = serve("--scene", "bay")
     watcher = connected(served)
     watcher.takeoffAsync().join()
@@ -309,12 +309,12 @@ def test_a_killed_client_leaves_a_drone_that_holds_its_place(serve: Serve) -> No
         "print('flies', flush=True)\n"
         "task.join()\n"
     )
-    victim = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
-    assert victim.stdout is not None and victim.stdout.readline() == "flies\n"
+    flier = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    assert flier.stdout is not None and flier.stdout.readline() == "flies\n"
     while not watcher.getMultirotorState().kinematics_estimated.linear_velocity.x_val > 1.0:
         pass
-    victim.kill()
-    victim.wait(60)
+    flier.kill()
+    flier.wait(60)
     watcher.simContinueForTime(10.0)
     reached = place(watcher)
     watcher.simContinueForTime(10.0)
@@ -339,7 +339,9 @@ def test_the_drones_of_a_mission_fly_and_its_hidden_targets_stay_hidden(serve: S
     assert place(client)[2] < -2.0
     leave(client)
     served.process.communicate(timeout=120)
-    assert (served.folder / "trace.mcap.part").is_file(), "a mission that a client leaves is not complete"
+    assert (served.folder / "trace.mcap.part").is_file(), (
+        "the trace of a mission is not complete after its client leaves"
+    )
     assert served.process.returncode == 0
 
 
@@ -390,11 +392,11 @@ def test_a_car_drives_along_its_road_turns_and_stops(serve: Serve, tmp_path: Pat
     client.simContinueForTime(40.0)
     after = client.simGetVehiclePose("van1").orientation
     turned = airsim.quaternion_to_euler_angles(after)[2] - airsim.quaternion_to_euler_angles(before)[2]
-    assert abs(math.degrees(turned)) > 30.0, "it has turned"
+    assert abs(math.degrees(turned)) > 30.0, "the car has turned"
     with pytest.raises(rpc_error, match="`setCarControls`: cars follow their lanes here, and do not reverse"):
         client.setCarControls(airsim.CarControls(throttle=-0.5), "van1")
     client.reset()
-    assert client.isApiControlEnabled("van1"), "a car keeps it, as in AirSim"
+    assert client.isApiControlEnabled("van1"), "`reset` does not end the control of a car, as in AirSim"
     drone = airsim.MultirotorClient(port=served.port)
     with pytest.raises(rpc_error, match="`van1` is no multirotor"):
         drone.takeoffAsync(vehicle_name="van1").get()
@@ -408,7 +410,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("name", ["airsim_hover.py", "airsim_survey.py"])
-def test_the_examples_fly(serve: Serve, name: str, tmp_path: Path) -> None:
+def test_the_example_scripts_fly_to_success(serve: Serve, name: str, tmp_path: Path) -> None:
     served = serve("--scene", "bay")
     command = [sys.executable, str(ROOT / "examples" / name), "--port", str(served.port)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=tmp_path, check=False)
@@ -426,7 +428,7 @@ def tilt_deg(client: Any) -> tuple[float, float, float]:
     return math.degrees(roll), math.degrees(math.asin(2.0 * (w * y - z * x))), math.degrees(yaw)
 
 
-def test_angles_rates_throttles_and_sticks_tilt_the_drone_itself(serve: Serve) -> None:
+def test_commands_of_angles_rates_throttle_and_sticks_tilt_the_drone(serve: Serve) -> None:
     served = serve("--scene", "bay")
     client = connected(served)
     client.moveToZAsync(-20, 3).join()
@@ -444,7 +446,7 @@ def test_angles_rates_throttles_and_sticks_tilt_the_drone_itself(serve: Serve) -
     client.hoverAsync().join()
     start = tilt_deg(client)[0]
     client.moveByAngleRatesZAsync(0.1, 0.0, 0.0, -22, 1.5).join()
-    assert tilt_deg(client)[0] - start == pytest.approx(math.degrees(0.15), abs=3.0), "rates add up"
+    assert tilt_deg(client)[0] - start == pytest.approx(math.degrees(0.15), abs=3.0), "angular rates are integrated"
     client.hoverAsync().join()
     with pytest.raises(rpc_error, match="no remote control"):
         client.moveByManualAsync(5, 5, -5, 1).get()
@@ -466,7 +468,7 @@ def test_angles_rates_throttles_and_sticks_tilt_the_drone_itself(serve: Serve) -
     assert run_command(["replay", str(served.finish().path), "--world", "inline"]) == 0
 
 
-def test_detections_and_segmentation_ids_of_the_other_drone(serve: Serve) -> None:
+def test_a_drone_gets_detections_and_segmentation_ids_of_the_other_drone(serve: Serve) -> None:
     served = serve("--scene", "bay", "--drones", "2")
     client = connected(served, "drone1", "drone2")
     assert sorted(client.simListInstanceSegmentationObjects()) == ["drone1", "drone2"]
@@ -500,7 +502,7 @@ def test_detections_and_segmentation_ids_of_the_other_drone(serve: Serve) -> Non
     served.finish()
 
 
-def test_a_lidar_sees_the_ground_below_the_drone(serve: Serve) -> None:
+def test_a_lidar_measures_the_ground_below_the_drone(serve: Serve) -> None:
     served = serve("--scene", "bay")
     client = connected(served)
     client.moveToZAsync(-6, 3).join()

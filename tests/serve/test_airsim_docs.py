@@ -1,4 +1,4 @@
-"""docs/airsim.md says of every method of the client whether it is served."""
+"""The table of docs/airsim.md: it lists every method of the client and whether the method is served."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def wire_names() -> dict[str, list[str]]:
     return methods
 
 
-def test_the_table_has_every_method_and_tells_the_truth() -> None:
+def test_the_table_lists_every_method_and_marks_the_served_methods() -> None:
     listed, client = table(), wire_names()
     assert listed.keys() == client.keys()
     for method, names in client.items():

@@ -1,4 +1,4 @@
-"""Hostile clients: refused with a message, the episode unharmed."""
+"""Hostile clients: they are rejected with a message, and the episode continues."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Wire:
             self.answers.feed(data)
 
 
-def test_frames_that_break_the_protocol_end_their_connection_alone(serve: Serve) -> None:
+def test_frames_that_break_the_protocol_end_only_their_own_connection(serve: Serve) -> None:
     served: Served = serve("--scene", "bay")
     good = Wire(served.port)
     assert good.call("ping") == [1, 1, None, True]
@@ -65,7 +65,7 @@ def test_frames_that_break_the_protocol_end_their_connection_alone(serve: Serve)
     huge = Wire(served.port)
     with contextlib.suppress(OSError):
         huge.send(b"\xc6\x7f\xff\xff\xff" + bytes(protocol.MOST_BYTES + 100_000))
-    silent = Wire(served.port)  # never says anything
+    silent = Wire(served.port)  # never sends a frame
     mute = Wire(served.port)
     mute.send(b"\x94\x00")  # never ends its frame
     assert good.call("ping", number=2) == [1, 2, None, True]
@@ -82,7 +82,7 @@ def test_frames_that_break_the_protocol_end_their_connection_alone(serve: Serve)
     assert trace.outcome is not None and trace.outcome.success
 
 
-def test_a_client_with_endless_calls_stops_no_flight_of_another(serve: Serve) -> None:
+def test_a_client_with_endless_calls_does_not_stop_the_flight_of_another(serve: Serve) -> None:
     served = serve("--scene", "bay")
     flier, chatter = Wire(served.port), Wire(served.port)
     flier.call("enableApiControl", True, "")
@@ -103,7 +103,7 @@ def test_a_client_with_endless_calls_stops_no_flight_of_another(serve: Serve) ->
     served.finish()
 
 
-def test_a_client_that_leaves_during_a_run_of_a_year_ends_it(serve: Serve) -> None:
+def test_a_run_of_a_year_ends_when_its_client_disconnects(serve: Serve) -> None:
     served = serve("--scene", "bay")
     watcher, sleeper = Wire(served.port), Wire(served.port)
     watcher.call("ping")
@@ -115,7 +115,7 @@ def test_a_client_that_leaves_during_a_run_of_a_year_ends_it(serve: Serve) -> No
 
 
 @pytest.mark.parametrize("method", sorted(methods.METHODS.keys() - {"reset"}))
-def test_no_argument_ends_the_server(method: str, shared: Wire) -> None:
+def test_invalid_arguments_do_not_end_the_server(method: str, shared: Wire) -> None:
     for arguments in ([], [None] * 9, ["x"] * 3, [[]] * 8, [{}] * 5, [1e300] * 9, [-1] * 9, [2**63] * 4, [True] * 12):
         assert shared.call(method, *arguments)[1] == 1
     assert shared.call("ping") == [1, 1, None, True]
@@ -137,7 +137,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Any:
         assert process.returncode == 0
 
 
-def test_a_frame_in_pieces_is_read_and_two_in_one_piece_too() -> None:
+def test_a_frame_in_pieces_and_two_frames_in_one_piece_are_read() -> None:
     reader, frame = protocol.FrameReader(), msgpack.packb([0, 3, "ping", []])
     assert [list(reader.feed(frame[k : k + 1])) for k in range(len(frame))][-1] == [protocol.Request(3, "ping", [])]
     assert list(reader.feed(frame + frame)) == [protocol.Request(3, "ping", [])] * 2
@@ -145,7 +145,7 @@ def test_a_frame_in_pieces_is_read_and_two_in_one_piece_too() -> None:
         list(reader.feed(msgpack.packb("ping")))
 
 
-def test_a_token_guards_the_server(serve: Serve, tmp_path: Path) -> None:
+def test_a_server_with_a_token_answers_only_clients_with_the_token(serve: Serve, tmp_path: Path) -> None:
     (tmp_path / "token").write_text("correct-horse\n")
     served = serve("--scene", "bay", "--token-file", str(tmp_path / "token"))
     stranger = Wire(served.port)
@@ -183,14 +183,14 @@ def test_a_wrong_command_line_ends_with_one_message(
     assert message in error and "Traceback" not in error
 
 
-def test_a_taken_port_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_error_for_an_occupied_port_names_the_port(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as holder:
         port = str(holder.getsockname()[1])
         assert run_command(["serve", "--airsim", "--scene", "bay", "--port", port]) == 2
     assert f"cannot listen at 127.0.0.1 port {port}" in capsys.readouterr().err
 
 
-def test_a_client_without_a_token_and_one_too_many_are_told_and_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_clients_without_a_token_or_beyond_the_limit_are_closed_with_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "_TOKEN_S", 0.4)
     monkeypatch.setattr(server, "_MOST_CLIENTS", 2)
     listening = server.CallServer("127.0.0.1", 0, token="correct-horse")

@@ -17,7 +17,7 @@ Turn = tuple[float, float, float, float]
 
 
 def product(a: Turn, b: Turn) -> Turn:
-    """The turn `b` in the frame that `a` has turned: Hamilton's product."""
+    """Hamilton's product: the rotation `b` in the frame that `a` has rotated."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -37,7 +37,7 @@ ATTITUDES = [(0.0, 0.0, 0.0), (20.0, -35.0, 130.0), (-80.0, 60.0, -170.0), (10.0
 
 
 @pytest.mark.parametrize("degrees", ATTITUDES)
-def test_the_angles_of_a_turn_give_the_turn(degrees: tuple[float, float, float]) -> None:
+def test_a_quaternion_is_the_same_after_conversion_to_angles_and_back(degrees: tuple[float, float, float]) -> None:
     turn = frames.quaternion(*map(math.radians, degrees))
     again = frames.quaternion(*frames.angles(turn))
     assert abs(sum(a * b for a, b in zip(turn, again, strict=True))) == pytest.approx(1.0)
@@ -67,7 +67,7 @@ def test_a_placed_camera_is_turned_by_the_body_and_then_by_its_placement(
     assert CameraPlacement.of_arguments({"camera": "front", **placement.arguments}) == placement
 
 
-def test_a_distorted_picture_shows_the_rays_of_the_model() -> None:
+def test_a_distorted_picture_agrees_with_the_distortion_model() -> None:
     pose = CameraPose(position=(0.0, 0.0, 0.0), heading_deg=0.0, tilt_deg=0.0, hfov_deg=90.0, width=400, height=300)
     columns, rows = np.meshgrid(np.arange(400), np.arange(300))
     places = np.stack([columns, rows], axis=2).astype(np.float32)

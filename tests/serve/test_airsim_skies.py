@@ -1,4 +1,4 @@
-"""Weather and time of day of a free flight: the sun against an almanac, and what pictures show."""
+"""Weather and time of day of a free flight: the sun, compared with an almanac, and the effects in pictures."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ HERE = (31.0, 121.5)
         ((-33.9, 18.4), datetime(2020, 12, 21, 10, 45, tzinfo=UTC), 0.0, 90.0 - (33.9 - 23.44)),
     ],
 )
-def test_the_sun_stands_where_an_almanac_says(
+def test_the_position_of_the_sun_agrees_with_an_almanac(
     place: tuple[float, float], moment: datetime, azimuth: float | None, elevation: float
 ) -> None:
-    reckoned = sun_angles(place, moment)
-    assert reckoned[1] == pytest.approx(elevation, abs=0.2)
+    computed = sun_angles(place, moment)
+    assert computed[1] == pytest.approx(elevation, abs=0.2)
     if azimuth is not None:
-        assert abs((reckoned[0] - azimuth + 180.0) % 360.0 - 180.0) < 1.5
+        assert abs((computed[0] - azimuth + 180.0) % 360.0 - 180.0) < 1.5
 
 
-def test_times_are_those_of_the_place() -> None:
+def test_times_of_day_are_local_times_of_the_place() -> None:
     assert local_time("2018-02-12 15:20:00", 121.5, summer=False) == datetime(2018, 2, 12, 7, 20, tzinfo=UTC)
     assert local_time("2018-07-12 15:20:00", -74.0, summer=True) == datetime(2018, 7, 12, 19, 20, tzinfo=UTC)
     clock = SunClock(datetime(2020, 1, 1, tzinfo=UTC), since_s=10.0, speed=100.0, step_s=60.0)
     assert clock.at(69.0) == clock.start and clock.at(70.0) == clock.start + timedelta(seconds=6000)
 
 
-def test_levels_count_while_the_weather_is_enabled() -> None:
+def test_weather_levels_apply_only_while_the_weather_is_enabled() -> None:
     skies = Skies(levels={RAIN: 0.4, FOG: 1.0})
     assert skies.arguments(HERE, 0.0) == {}
     skies.enabled = True
@@ -69,10 +69,10 @@ def test_a_client_changes_the_weather_and_the_sun_and_the_trace_replays(serve: S
     client.simSetTimeOfDay(True, "2018-02-12 12:20:00", celestial_clock_speed=0)
     day = seen()
     client.simSetWeatherParameter(airsim.WeatherParameter.Fog, 1.0)
-    assert np.abs(seen() - day).mean() < 1.0, "a level counts after `simEnableWeather` alone"
+    assert np.abs(seen() - day).mean() < 1.0, "a level applies only after `simEnableWeather`"
     client.simEnableWeather(True)
     fog = seen()
-    assert fog.std() < 0.7 * day.std(), "fog takes the contrast"
+    assert fog.std() < 0.7 * day.std(), "fog reduces the contrast"
     client.simSetWeatherParameter(airsim.WeatherParameter.Fog, 0.0)
     client.simSetWeatherParameter(airsim.WeatherParameter.Rain, 1.0)
     assert np.abs(seen() - day).mean() > 3.0, "rain dims the light"

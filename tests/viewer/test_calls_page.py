@@ -44,7 +44,7 @@ def content(page: str) -> dict[str, Any]:
     return json.loads(zlib.decompress(base64.b64decode(data)))
 
 
-def test_the_page_holds_each_call_with_its_pictures_and_what_came_of_it(episode: Path, tmp_path: Path) -> None:
+def test_the_page_has_each_call_with_its_pictures_and_its_decision(episode: Path, tmp_path: Path) -> None:
     out = tmp_path / "calls.html"
     assert run_command(["calls", str(episode), "--html", str(out)]) == ExitCode.OK
     page = out.read_text()
@@ -56,7 +56,7 @@ def test_the_page_holds_each_call_with_its_pictures_and_what_came_of_it(episode:
     assert "no valid step after 0 repairs" in listed["calls"][2]["decision"]["detail"]
     assert any(message["pictures"] for call in listed["calls"] for message in call["messages"])
     assert page.count('id="d-picture-') == listed["pictures"] > 0
-    assert "http" not in page.split("<script>")[-1], "it asks nobody"
+    assert "http" not in page.split("<script>")[-1], "the page sends no requests"
     assert HOSTILE not in page and "Content-Security-Policy" in page
     assert run_command(["calls", str(episode), "--html", str(out), "--pictures-mb", "0", "--tick", "1"]) == ExitCode.OK
     fewer = out.read_text()
@@ -73,7 +73,7 @@ def shown(folder: Path) -> Iterator[ViewServer]:
         server.close()
 
 
-def test_the_viewer_serves_the_page_to_those_with_its_token(episode: Path, tmp_path: Path) -> None:
+def test_the_viewer_serves_the_page_only_with_its_token(episode: Path, tmp_path: Path) -> None:
     with shown(episode) as server:
         with urllib.request.urlopen(server.url) as answer:
             assert '"calls":true' in answer.read().decode()
@@ -99,7 +99,7 @@ def test_the_viewer_serves_the_page_to_those_with_its_token(episode: Path, tmp_p
         (("--html", "a.html", "--pictures-mb", "many"), "--pictures-mb"),
     ],
 )
-def test_what_cannot_be_written_is_told(
+def test_an_output_that_cannot_be_written_is_a_usage_error(
     arguments: tuple[str, ...], words: str, episode: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip

@@ -22,7 +22,7 @@ from lingjing.viewer.moments import MOST, Moment, moments, schedule
 from lingjing.viewer.page_content import PageContent
 
 
-def test_moments_are_those_of_the_events_in_order_of_time(trace: Trace) -> None:
+def test_the_moments_of_a_film_are_events_in_order_of_time(trace: Trace) -> None:
     steps = PageContent(trace, truth=False).steps
     chosen = moments(steps, trace, truth=False)
     assert 0 < len(chosen) <= MOST and list(chosen) == sorted(chosen, key=lambda moment: moment.place)
@@ -57,7 +57,7 @@ def test_a_frame_shows_the_picture_and_the_score(trace: Trace) -> None:
     assert after[top:bottom, left:right].reshape(-1, 3).std(axis=0).min() > 1.0
 
 
-def test_an_episode_without_pictures_has_its_stages_in_their_place(trace: Trace) -> None:
+def test_an_episode_without_pictures_shows_its_stages_instead(trace: Trace) -> None:
     content = PageContent(trace, truth=True)
     assert content.steps[-1].stages
     with_pictures = FilmFrames(trace, content.head, content.steps, PageGround(known=False)).played(0.0, None)
@@ -71,7 +71,7 @@ def test_an_episode_without_pictures_has_its_stages_in_their_place(trace: Trace)
     assert len(np.unique(np.asarray(without)[top : top + 30, left:right].reshape(-1, 3), axis=0)) > 3
 
 
-def test_hostile_texts_and_lost_pictures_make_frames(trace: Trace, written: Callable[..., Trace]) -> None:
+def test_frames_are_drawn_for_hostile_texts_and_lost_pictures(trace: Trace, written: Callable[..., Trace]) -> None:
     evil = "\u202e" + "<script>" * 400 + "名前" * 100
     instance = msgspec.structs.replace(trace.header.instance, title=evil, goal=evil)
     header = msgspec.structs.replace(trace.header, instance=instance, attribution=evil)
@@ -84,7 +84,7 @@ def test_hostile_texts_and_lost_pictures_make_frames(trace: Trace, written: Call
         assert {frame.size for frame in frames} == {(WIDTH, HEIGHT)}
 
 
-def test_a_gif_takes_twenty_seconds(trace: Trace, tmp_path: Path) -> None:
+def test_a_gif_plays_for_twenty_seconds(trace: Trace, tmp_path: Path) -> None:
     make_film(trace, tmp_path / "episode.gif", truth=False)
     with Image.open(tmp_path / "episode.gif") as made:
         total = 0
@@ -95,7 +95,7 @@ def test_a_gif_takes_twenty_seconds(trace: Trace, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["episode.gif"]
 
 
-def test_films_with_one_name_made_at_once_share_no_file(
+def test_concurrent_films_of_the_same_name_are_written_to_different_files(
     trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     parts: list[Path] = []
@@ -136,7 +136,7 @@ def test_a_film_that_cannot_be_made_is_an_error(trace: Trace, tmp_path: Path, mo
     assert list(tmp_path.iterdir()) == []
 
 
-def test_title_and_ending_frame_the_film(trace: Trace) -> None:
+def test_a_film_has_the_frames_of_title_episode_and_ending(trace: Trace) -> None:
     short = Trace(trace.path, trace.header, trace.boundaries[:1], None, False, {})
     frames = list(film_frames(PageContent(short, truth=False), 2))
     assert len(frames) == round(TITLE_S * 2) + round((SECONDS - TITLE_S - ENDING_S) * 2) + round(ENDING_S * 2)
@@ -163,11 +163,11 @@ def test_letters_that_the_default_font_lacks_are_drawn_in_another_font(monkeypat
 def test_one_letter_without_a_font_does_not_turn_others_into_boxes() -> None:
     if fonts.letters_without_a_font(CHINESE):
         pytest.skip("no font with Chinese letters is installed here: apt-get install fonts-noto-cjk")
-    nobodys = "\N{EGYPTIAN HIEROGLYPH A001}"
-    if not fonts.letters_without_a_font(nobodys):
+    hieroglyph = "\N{EGYPTIAN HIEROGLYPH A001}"
+    if not fonts.letters_without_a_font(hieroglyph):
         pytest.skip("a font here has even hieroglyphs")
-    text = f"{CHINESE} {nobodys}"
-    assert fonts.letters_without_a_font(text) == nobodys
+    text = f"{CHINESE} {hieroglyph}"
+    assert fonts.letters_without_a_font(text) == hieroglyph
     letters = fonts.missing_letters(text)
     assert fonts.font(24, letters).getname() == fonts.font(24, fonts.missing_letters(CHINESE)).getname()
 

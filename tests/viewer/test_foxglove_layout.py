@@ -65,7 +65,7 @@ def test_many_agents_and_no_agents_have_a_layout(trace: Trace) -> None:
     made = json.loads(foxglove_layout(many, truth=False))
     assert len([name for name in made["configById"] if name.startswith("Image!")]) == MOST_CAMERAS
     assert len([name for name in made["configById"] if name.startswith("RawMessages!")]) == MOST_AGENTS
-    nobody = msgspec.structs.replace(instance, agents=(), entities=(), regions=(), cells=())
-    assert set(panels_of(json.loads(foxglove_layout(nobody, truth=False))["layout"])) == {
+    empty = msgspec.structs.replace(instance, agents=(), entities=(), regions=(), cells=())
+    assert set(panels_of(json.loads(foxglove_layout(empty, truth=False))["layout"])) == {
         "3D!world", "map!map", "Plot!score", "RosOut!log",
     }  # fmt: skip

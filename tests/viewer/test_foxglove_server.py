@@ -43,24 +43,24 @@ class Follower:
         self.socket = self.open.enter_context(client)
         self.info = json.loads(self.socket.recv(timeout=PATIENCE_S))
         self.channels: dict[int, dict[str, Any]] = {}
-        self.found: list[tuple[str, int, bytes]] = []
+        self.messages: list[tuple[str, int, bytes]] = []
 
     def until(self, topic: str, times: int) -> Counter[str]:
         """Read until a topic has this number of messages."""
-        while Counter(name for name, *_ in self.found)[topic] < times:
-            got = self.socket.recv(timeout=PATIENCE_S)
-            if isinstance(got, str):
-                new = json.loads(got)["channels"]
+        while Counter(name for name, *_ in self.messages)[topic] < times:
+            received = self.socket.recv(timeout=PATIENCE_S)
+            if isinstance(received, str):
+                new = json.loads(received)["channels"]
                 self.channels |= {channel["id"]: channel for channel in new}
                 wanted = [{"id": 1000 + channel["id"], "channelId": channel["id"]} for channel in new]
                 self.socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-            elif got[0] == 1:
-                _, subscription, time_ns = struct.unpack_from("<BIQ", got)
-                self.found.append((self.channels[subscription - 1000]["topic"], time_ns, got[13:]))
-        return Counter(name for name, *_ in self.found)
+            elif received[0] == 1:
+                _, subscription, time_ns = struct.unpack_from("<BIQ", received)
+                self.messages.append((self.channels[subscription - 1000]["topic"], time_ns, received[13:]))
+        return Counter(name for name, *_ in self.messages)
 
     def of(self, topic: str) -> list[bytes]:
-        return [data for name, _, data in self.found if name == topic]
+        return [data for name, _, data in self.messages if name == topic]
 
 
 @pytest.fixture
@@ -86,7 +86,7 @@ def test_a_client_receives_channels_and_new_boundaries(trace: Trace, play: Calla
     server = play(3)
     client = Follower(server)
     assert client.info["op"] == "serverInfo" and client.socket.subprotocol == "foxglove.websocket.v1"
-    client.until("/score", 1)  # the last that there is
+    client.until("/score", 1)  # of the last stored boundary
     for record in trace.boundaries[3:8]:
         server.writer.boundary(  # type: ignore[attr-defined]
             record, [(frame, trace.jpeg(frame.id), None, None) for frame in record.frames]
@@ -115,7 +115,7 @@ def test_undiscovered_hidden_targets_are_not_sent(
     for record in trace.boundaries[first : first + 2]:
         server.writer.boundary(record)  # type: ignore[attr-defined]
     client.until("/score", 3)
-    topics = {topic for topic, *_ in client.found}
+    topics = {topic for topic, *_ in client.messages}
     assert any(topic.endswith("/truth") for topic in topics) is truth and "/lingjing/boundary" not in topics
     events = [event for record in trace.boundaries[first : first + 2] for event in record.events]
     revealed = {name for event in events for name in event.bindings} & hidden(trace)
@@ -149,7 +149,7 @@ def test_undiscovered_hidden_targets_are_not_sent(
         ("/?token={token}", {"Origin": "null"}, 403),
     ],
 )
-def test_requests_without_the_token_or_for_another_host_are_refused(
+def test_requests_without_the_token_or_for_another_host_are_rejected(
     play: Callable[..., FoxgloveServer], path: str, headers: dict[str, str], status: int
 ) -> None:
     from websockets.exceptions import InvalidStatus
@@ -167,7 +167,7 @@ def test_requests_without_the_token_or_for_another_host_are_refused(
 
 
 @pytest.mark.parametrize("origin", ["https://app.foxglove.dev", "file://"])
-def test_foxgloves_own_pages_are_admitted(play: Callable[..., FoxgloveServer], origin: str) -> None:
+def test_connections_from_foxgloves_own_pages_are_accepted(play: Callable[..., FoxgloveServer], origin: str) -> None:
     protocols = [*foxglove_server.PROTOCOLS]
     with connect(play(1).address, origin=origin, subprotocols=protocols, open_timeout=PATIENCE_S) as connection:
         assert json.loads(connection.recv(timeout=PATIENCE_S))["op"] == "serverInfo"
@@ -188,7 +188,7 @@ def test_connections_without_a_request_are_dropped_and_block_no_client(
         assert all(connection.recv(1) == b"" for connection in silent)
 
 
-def test_invalid_requests_do_no_harm(play: Callable[..., FoxgloveServer]) -> None:
+def test_invalid_requests_do_not_end_the_connection(play: Callable[..., FoxgloveServer]) -> None:
     server = play(1)
     client = Follower(server)
     for message in (
@@ -211,7 +211,7 @@ def test_a_client_that_reads_nothing_loses_messages_and_delays_no_other(monkeypa
     assert client.take() is None
 
 
-def test_a_server_ends_though_a_client_reads_nothing(
+def test_a_server_closes_while_a_client_reads_nothing(
     trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(foxglove_server, "GOODBYE_S", 0.1)
@@ -225,9 +225,9 @@ def test_a_server_ends_though_a_client_reads_nothing(
             "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
             "Sec-WebSocket-Protocol: foxglove.websocket.v1\r\n\r\n"
         )
-        with socket.create_connection((name, int(port)), timeout=PATIENCE_S) as deaf:
-            deaf.sendall(request.encode())
-            assert deaf.recv(12) == b"HTTP/1.1 101"
+        with socket.create_connection((name, int(port)), timeout=PATIENCE_S) as idle:
+            idle.sendall(request.encode())
+            assert idle.recv(12) == b"HTTP/1.1 101"
             while not server._clients:
                 time.sleep(0.01)
             (client,) = server._clients

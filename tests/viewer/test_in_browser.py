@@ -72,7 +72,7 @@ def test_the_file_plays_and_keys_work(chromium: Any, trace: Trace, file_of: Call
         assert page.locator("html").get_attribute("data-theme") != theme
 
 
-def test_the_picture_carries_true_and_reported_boxes(chromium: Any, trace: Trace, file_of: Callable[..., str]) -> None:
+def test_the_picture_shows_true_and_reported_boxes(chromium: Any, trace: Trace, file_of: Callable[..., str]) -> None:
     with opened(chromium, file_of(trace, truth=True)) as page:
         page.wait_for_selector(READY)
         report = next(
@@ -148,7 +148,7 @@ def test_a_hostile_episode_is_shown_as_text(
         assert page.evaluate("document.documentElement.scrollWidth") <= 1280
 
 
-def test_a_phone_shows_how_many_more_events_a_tick_had(
+def test_a_phone_shows_the_number_of_further_events_of_a_tick(
     chromium: Any, trace: Trace, written: Callable[..., Trace], file_of: Callable[..., str]
 ) -> None:
     first, second, *_ = trace.boundaries
@@ -186,7 +186,7 @@ def test_an_episode_of_200_000_ticks_is_drawn(
         assert last == 199_999 and tick(page) == last
 
 
-def test_a_crowd_of_agents_a_single_tick_and_no_picture(
+def test_an_episode_of_200_agents_one_tick_and_no_picture_is_shown(
     chromium: Any, trace: Trace, written: Callable[..., Trace], file_of: Callable[..., str]
 ) -> None:
     instance = trace.header.instance

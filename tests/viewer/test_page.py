@@ -21,7 +21,7 @@ from lingjing.viewer.page_content import CHUNK
 from lingjing.viewer.single import single_file
 
 EMPTY_ICON = {"rel": "icon", "href": "data:,"}
-"""Without it a browser asks the server for one."""
+"""Without it, a browser requests an icon from the server."""
 
 
 class Parts(HTMLParser):
@@ -102,7 +102,7 @@ def test_pictures_fit_the_budget_and_a_note_names_the_missing_ones(trace: Trace,
         assert "not in this file" in notes or f"{len(pictures)} of {len(trace.frames)} pictures" in notes
 
 
-def test_the_text_of_a_policy_stays_data(trace: Trace, written: Callable[..., Trace]) -> None:
+def test_the_text_of_a_policy_stays_within_the_data_of_the_page(trace: Trace, written: Callable[..., Trace]) -> None:
     evil = "</script><script>window.hit=1</script><img src=x onerror=hit()>"
     first, second = trace.boundaries[:2]
     made = DecisionRecord(agent=second.decisions[0].agent, decision=Decision(thought=evil))

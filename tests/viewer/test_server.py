@@ -73,7 +73,7 @@ def test_without_the_token_nothing_is_served(server: ViewServer, path: str) -> N
 
 
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "evil.example:80", "127.0.0.1.evil.example", ""])
-def test_a_name_that_only_resolves_to_this_machine_gets_no_answer(server: ViewServer, host: str) -> None:
+def test_a_request_for_another_host_name_is_rejected(server: ViewServer, host: str) -> None:
     assert ask(server, "/page-start", Host=host)[0] == 421
     assert ask(server, "/page-start", Host=f"localhost:{port_of(server)}")[0] == 200
 
@@ -81,15 +81,15 @@ def test_a_name_that_only_resolves_to_this_machine_gets_no_answer(server: ViewSe
 @pytest.mark.parametrize(
     "path", ["/picture?id=none", "/picture", "/details?chunk=99", "/details?chunk=-1x9", "/../etc/passwd"]
 )
-def test_a_missing_part_is_not_found(server: ViewServer, path: str) -> None:
+def test_a_request_for_a_missing_part_is_answered_with_404(server: ViewServer, path: str) -> None:
     status, headers, body = ask(server, path)
     if path == "/details?chunk=-1x9":
-        assert status == 200  # no number: the first
+        assert status == 200  # the first chunk is the default
     else:
         assert status == 404 and body and headers["content-type"].startswith("text/plain")
 
 
-def test_only_get_is_answered_and_invalid_requests_do_no_harm(server: ViewServer) -> None:
+def test_only_get_requests_succeed_and_invalid_requests_do_not_end_the_server(server: ViewServer) -> None:
     for data in (b"POST / HTTP/1.1\r\nHost: x\r\n\r\n", b"\x00\xff\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n", b""):
         with socket.create_connection(("127.0.0.1", port_of(server)), timeout=300) as connection:
             connection.sendall(data)
@@ -99,22 +99,22 @@ def test_only_get_is_answered_and_invalid_requests_do_no_harm(server: ViewServer
     assert ask(server, "/")[0] == 200
 
 
-def test_a_query_of_too_many_fields_is_answered(server: ViewServer) -> None:
+def test_a_query_with_too_many_fields_is_rejected(server: ViewServer) -> None:
     fields = "&".join(f"field{number}=1" for number in range(20))
     assert ask(server, f"/page-start?{fields}")[0] == 403
 
 
 def test_a_closed_port_can_be_used_again(trace: Trace) -> None:
-    had = []
+    reused = []
     for _ in range(4):  # another process may get the port meanwhile, but not each time
         first = ViewServer(TraceSource(trace, truth=False))
         port = port_of(first)
-        assert ask(first, "/follow")[0] == 200  # closed by the server, so that its end of the connection lingers
+        assert ask(first, "/follow")[0] == 200  # the server closes first: its end of the connection lingers
         first.close()
         with contextlib.suppress(UsageError):
             ViewServer(TraceSource(trace, truth=False), port).close()
-            had.append(port)
-    assert had
+            reused.append(port)
+    assert reused
 
 
 def test_a_client_that_reads_nothing_delays_no_other(server: ViewServer) -> None:
@@ -143,7 +143,7 @@ def raw(server: ViewServer, text: str) -> bytes:
         return b"".join(iter(lambda: connection.recv(65536), b""))
 
 
-def test_two_host_headers_get_no_answer(server: ViewServer) -> None:
+def test_a_request_without_exactly_one_host_header_is_rejected(server: ViewServer) -> None:
     host, target = f"Host: 127.0.0.1:{port_of(server)}\r\n", f"/page-start?token={server.token}"
     for hosts in (host * 2, f"Host: evil.example\r\n{host}", f"{host}Host: evil.example\r\n"):
         answer = raw(server, f"GET {target} HTTP/1.1\r\n{hosts}\r\n")
@@ -153,7 +153,7 @@ def test_two_host_headers_get_no_answer(server: ViewServer) -> None:
 
 
 @pytest.mark.parametrize("before", ["http://evil.example", "//evil.example", "http://127.0.0.1:1", "page"])
-def test_a_target_with_another_host_gets_no_answer(server: ViewServer, before: str) -> None:
+def test_a_request_target_with_another_host_is_rejected(server: ViewServer, before: str) -> None:
     head = (
         f"/page-start?token={server.token} HTTP/1.1\r\nHost: 127.0.0.1:{port_of(server)}\r\nConnection: close\r\n\r\n"
     )
@@ -164,7 +164,7 @@ def test_a_target_with_another_host_gets_no_answer(server: ViewServer, before: s
 @pytest.mark.parametrize(
     "origin", ["https://evil.example", "null", "http://127.0.0.1", "http://localhost:1", "file://"]
 )
-def test_a_page_of_another_site_gets_no_answer(server: ViewServer, origin: str) -> None:
+def test_a_request_from_a_page_of_another_site_is_rejected(server: ViewServer, origin: str) -> None:
     assert ask(server, "/page-start", Origin=origin)[0] == 403
     assert ask(server, "/page-start", Origin=f"http://127.0.0.1:{port_of(server)}")[0] == 200
 
@@ -192,13 +192,15 @@ def test_a_connection_with_the_token_is_not_dropped(server: ViewServer) -> None:
         assert (answer.status, bool(answer.read())) == (200, True)
     connection.request("GET", "/page-start?token=x")
     answer = connection.getresponse()
-    assert (answer.status, answer.headers["Connection"]) == (403, "close"), "one without the token ends the connection"
+    assert (answer.status, answer.headers["Connection"]) == (403, "close"), (
+        "a request without the token ends the connection"
+    )
 
 
 def test_many_silent_connections_of_one_address_block_no_client(
     server: ViewServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(admission, "ADMISSION_S", 3600.0)  # they are displaced and not late
+    monkeypatch.setattr(admission, "ADMISSION_S", 3600.0)  # newer connections displace them, not the time limit
     with contextlib.ExitStack() as held:
         silent = [
             held.enter_context(socket.create_connection(("127.0.0.1", port_of(server)), timeout=300))
@@ -208,13 +210,15 @@ def test_many_silent_connections_of_one_address_block_no_client(
         assert all(connection.recv(1) == b"" for connection in silent[: -admission.MOST_WAITING]), (
             "the oldest are dropped"
         )
-        while threading.active_count() >= MOST_CONNECTIONS:  # the dropped ones' threads end
+        while threading.active_count() >= MOST_CONNECTIONS:  # the threads of dropped connections end
             time.sleep(0.01)
     monkeypatch.undo()
     assert ask(server, "/page-start")[0] == 200
 
 
-def test_other_addresses_of_this_machine_have_a_limit_too(server: ViewServer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silent_connections_of_several_addresses_block_no_client(
+    server: ViewServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(admission, "ADMISSION_S", 3600.0)
     with contextlib.ExitStack() as held:
         for number in range(2 * admission.MOST_WAITING_IN_ALL):
@@ -223,7 +227,7 @@ def test_other_addresses_of_this_machine_have_a_limit_too(server: ViewServer, mo
                 socket.create_connection(("127.0.0.1", port_of(server)), timeout=300, source_address=source)
             )
         assert ask(server, "/page-start")[0] == 200
-        while threading.active_count() >= 2 * admission.MOST_WAITING_IN_ALL:  # the dropped ones' threads end
+        while threading.active_count() >= 2 * admission.MOST_WAITING_IN_ALL:  # the threads of dropped connections end
             time.sleep(0.01)
 
 

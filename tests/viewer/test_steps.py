@@ -73,7 +73,7 @@ def test_a_target_appears_when_it_is_found(trace: Trace) -> None:
     assert {steps[0].sights[name] for name in names} == {"truth"}
 
 
-def test_true_boxes_and_the_explanation_need_the_truth(trace: Trace) -> None:
+def test_true_boxes_and_the_explanation_are_shown_only_with_the_truth(trace: Trace) -> None:
     plain, full = (PageContent(trace, truth=truth) for truth in (False, True))
     assert any(frame.boxes for frame in trace.frames.values())
     assert not any(picture.truth for step in plain.steps for picture in step.pictures)
@@ -91,7 +91,7 @@ def test_a_page_has_reported_boxes_and_their_matches(trace: Trace) -> None:
     assert set(matched.values()) <= hidden(trace.header.instance)
 
 
-def test_an_entity_at_rest_has_few_samples(trace: Trace) -> None:
+def test_the_samples_of_an_entity_end_at_its_last_position(trace: Trace) -> None:
     steps = PageContent(trace, truth=True).steps
     record = trace.boundaries[-1]
     for state in record.snapshots[-1].states:
@@ -102,7 +102,7 @@ def test_an_entity_at_rest_has_few_samples(trace: Trace) -> None:
         assert abs(samples[-1][2] - state.position[1]) < 0.3
 
 
-def test_texts_are_shortened_and_lose_marks_that_reorder_them() -> None:
+def test_texts_are_shortened_and_control_characters_are_removed() -> None:
     assert shorten("plain") == "plain"
     long = shorten("x" * 10_000)
     assert long.startswith("x" * LONGEST_TEXT) and long.endswith("(6000 characters more)")

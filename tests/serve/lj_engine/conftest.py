@@ -119,7 +119,7 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
 
 @dataclass
 class ReferenceClient:
-    """An environment client of one profile: one frame of greeting, then replies to its three commands alone."""
+    """An environment client of one profile: it expects a greeting, then replies only to its three commands."""
 
     url: str
     profile: str = "open_vocab"

@@ -21,7 +21,7 @@ NORTH = '{0: ("setDestination", {"x": 306.6, "y": -500.0, "z": 20.0})}'
 
 
 @pytest.mark.parametrize("profile", ["open_vocab", "delivery", "fire_rescue"])
-def test_a_client_of_each_profile_flies_a_mission_and_the_trace_replays_without_it(serve: Serve, profile: str) -> None:
+def test_a_mission_flown_by_a_client_of_each_profile_replays_without_the_client(serve: Serve, profile: str) -> None:
     uavs = 1 if profile == "open_vocab" else 2
     served = serve("--deadline", "2", "--observe", "tick", verbs=NORTH, uavs=uavs)
     client = ReferenceClient(served.url(), profile)
@@ -40,7 +40,7 @@ def test_a_client_of_each_profile_flies_a_mission_and_the_trace_replays_without_
         state.position[1] for record in trace.boundaries for state in record.snapshots[-1].states if "1" in state.id
     ]
     steps = [after - before for before, after in itertools.pairwise(north)]
-    assert max(steps) <= 30.01, "an offset of a tick of 2 s is at most what 15 m/s allow"
+    assert max(steps) <= 30.01, "an offset in a tick of 2 s is at most 30 m: 15 m/s"
     assert sum(steps) > 90.0
     statuses = [receipt.status for record in trace.boundaries for receipt in record.receipts]
     assert "accepted" in statuses and "running" in statuses
@@ -49,7 +49,7 @@ def test_a_client_of_each_profile_flies_a_mission_and_the_trace_replays_without_
     assert replayed.difference is None and replayed.confirmed == len(trace.boundaries)
 
 
-def test_two_of_our_processes_play_a_mission_with_the_digest_of_the_local_run(serve: Serve, tmp_path: Path) -> None:
+def test_a_backend_and_an_engine_in_two_processes_give_the_digest_of_a_local_run(serve: Serve, tmp_path: Path) -> None:
     served = serve("--world", "process", verbs=NORTH, uavs=2)
     command = [sys.executable, "-m", "lingjing.cli.main", "engine", "--connect", served.url(), "--once"]
     engine = PipedFork(command, cwd=tmp_path)
@@ -85,13 +85,13 @@ def test_a_script_engine_reports_the_ends_of_commands_as_events(serve: Serve) ->
     assert lingjing.replay(trace, world="inline").difference is None
 
 
-def test_a_script_engine_that_is_asked_for_nothing_keeps_its_last_pose(serve: Serve) -> None:
+def test_a_script_engine_without_observation_requests_keeps_its_last_pose(serve: Serve) -> None:
     served = serve("--profile", "script", "--observe", "hold", ticks=4)
     client = ScriptEngine(served.url())
     client.start()
     trace = served.finish()
     assert trace.outcome is not None and trace.outcome.reason == "budget"
-    assert client.kinds() == ["resetScenario", "resetScenario", "complete"], "again without ids after no answer"
+    assert client.kinds() == ["resetScenario", "resetScenario", "complete"], "sent again without ids after no answer"
     assert [("request_id" in f["data"]) for f in client.received[:2]] == [True, False]
     (binding,) = trace.header.remote_engines
     assert (binding.profile, binding.asks) == ("script", False)
@@ -105,7 +105,7 @@ VERBS_OF_A_SCRIPT = (
 
 
 class ScriptEngine(ReferenceClient):
-    """A simulator as the run scripts know it: no acknowledgements, `isReady`, one event for each finished action."""
+    """A simulator of the run scripts: no acknowledgements, `isReady`, one event for each finished action."""
 
     def take(self, frame: dict[str, Any]) -> None:
         self.received.append(frame)
@@ -139,7 +139,7 @@ class ScriptEngine(ReferenceClient):
         )  # fmt: skip
 
 
-def test_a_session_that_takes_pictures_gives_the_pixels_and_may_give_the_boxes(serve: Serve) -> None:
+def test_the_pixels_and_boxes_of_a_picture_session_are_in_the_trace(serve: Serve) -> None:
     served = serve(
         "--session", "multirotor=airsim", "--pictures", "engine", "--deadline", "20",
         verbs='{0: ("takePhoto", {}), 2: ("setDestination", {"x": 306.6, "y": -500.0, "z": 20.0})}',
@@ -201,30 +201,30 @@ def post(url: str, form: dict[str, str], filename: str, content: bytes) -> int:
         return int(error.code)
 
 
-def test_a_lost_session_is_an_abort_whose_trace_replays_to_the_loss(serve: Serve) -> None:
+def test_a_lost_session_aborts_the_episode_and_the_trace_replays_to_the_loss(serve: Serve) -> None:
     served = serve(verbs=NORTH, ticks=400)
 
-    class Mortal(ReferenceClient):
+    class Disconnecting(ReferenceClient):
         def move(self, action: dict[str, Any]) -> None:
             super().move(action)
             if self.step >= 3:
                 self.socket.socket.close()
 
-    Mortal(served.url()).start()
+    Disconnecting(served.url()).start()
     trace = served.finish(code=3)
     assert trace.outcome is not None and trace.outcome.reason == "infrastructure-abort"
     assert "LJ-ENGINE_airsim was lost" in trace.outcome.detail
     assert lingjing.replay(trace, world="inline").difference is None
 
 
-def test_a_session_that_never_answers_is_an_abort_with_a_reason(serve: Serve) -> None:
+def test_a_session_that_never_answers_aborts_the_episode_with_a_reason(serve: Serve) -> None:
     served = serve("--deadline", "1", verbs=NORTH)
     silent = ReferenceClient(served.url())
     _, text = served.process.communicate(timeout=WAIT_S)
     assert served.process.returncode == 3
     assert "has not acknowledged `resetScenario`, `resetDeliveryScenario`, `resetFireRescueScenario`" in text
     assert "--profile script" in text and "Traceback" not in text
-    assert "within 1 s" in " ".join(text.split())  # the deadline that was given, not the default
+    assert "within 1 s" in " ".join(text.split())  # the deadline of the command line, not the default
     silent.socket.close()
 
 
@@ -280,7 +280,7 @@ mission hop "Hop" {
 """
 
 
-def test_a_type_of_the_engine_remote_belongs_to_a_session(
+def test_a_type_of_the_engine_remote_requires_a_session(
     serve: Serve, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "hop.ljs").write_text(REMOTE)
@@ -298,7 +298,7 @@ def test_a_type_of_the_engine_remote_belongs_to_a_session(
     assert lingjing.replay(trace, world="inline").difference is None
 
 
-def test_a_document_of_the_papers_is_played_under_its_own_names(serve: Serve, tmp_path: Path) -> None:
+def test_a_scenario_document_of_the_papers_keeps_its_own_names(serve: Serve, tmp_path: Path) -> None:
     drone = {"equipmentCode": "UAV-7", "name": "scout", "data": {"X": 30660.0, "Y": 62020.0, "Z": 190.0}, "raw": 0.0}
     goal = {"targetId": "G-1", "uav_id": "UAV-7", "X": 30660.0, "Y": 58000.0, "Z": 1500.0}
     document = {

@@ -127,7 +127,7 @@ def query(phase: str, **more: Any) -> dict[str, Any]:
     return {"task_id": "T-1", "phase": phase, "modalities": ["pose"], **more}
 
 
-def test_the_loop_of_an_environment(dial: Dial) -> None:
+def test_an_environment_gets_replies_to_reset_observation_and_action(dial: Dial) -> None:
     backend = dial()
     ack = backend.ask("resetScenario", scenario=scenario())
     assert ack["commandType"] == "sceneResetAck"
@@ -154,7 +154,7 @@ def test_the_loop_of_an_environment(dial: Dial) -> None:
 
 
 def test_a_fire_is_reported_at_the_place_of_the_scenario(dial: Dial) -> None:
-    """Our district puts it on a facade; the backend knows its own place alone."""
+    """Our district places the fire on a facade; the backend knows only the place in its scenario."""
     backend = dial()
     fires = {"goalFirePosition": [{"fireId": "F-1", "X": 31000.0, "Y": 55000.0, "Z": 0.0, "scale": 1.0}]}
     document = scenario("fire_rescue", drones=2)
@@ -179,7 +179,7 @@ def test_a_fire_is_reported_at_the_place_of_the_scenario(dial: Dial) -> None:
          ("fireRescueResetAck", "fireRescueObservationResponse", "fireRescueActionAck")),
     ],
 )  # fmt: skip
-def test_fleets_and_silence_about_commands_of_other_profiles(
+def test_an_engine_of_a_fleet_profile_ignores_commands_of_other_profiles(
     dial: Dial, profile: str, commands: tuple[str, ...], acks: tuple[str, ...]
 ) -> None:
     backend = dial("--profile", profile)
@@ -203,7 +203,7 @@ def test_fleets_and_silence_about_commands_of_other_profiles(
     assert not any(event.get("request_id") == "never" for event in backend.events)
 
 
-def test_a_run_script_gets_its_events_telemetry_and_a_picture(dial: Dial) -> None:
+def test_a_run_script_receives_events_telemetry_and_a_picture(dial: Dial) -> None:
     backend = dial("--telemetry", "0.05")
     uploads, url = upload_server()
     backend.ask("resetScenario", scenario=scenario())
@@ -258,18 +258,18 @@ def upload_server() -> tuple[queue.Queue[tuple[bytes, bool]], str]:
     return arrived, f"http://127.0.0.1:{server.server_port}/sim/vision/upload"
 
 
-def test_a_backend_that_sends_nonsense_gets_errors_in_acknowledgements(dial: Dial) -> None:
+def test_invalid_commands_of_a_backend_are_acknowledged_with_errors(dial: Dial) -> None:
     backend = dial()
     assert "no scenario is loaded" in backend.ask("getObservation", query=query("reset"))["data"]["error"]
     assert "no `scenario`" in backend.ask("resetScenario")["data"]["error"]
     broken = scenario() | {"equipmentList": {"droneEntityList": [{"data": {"X": "east"}}]}}
     assert backend.ask("resetScenario", scenario=broken)["data"]["status"] == "error"
     ack = backend.ask("resetScenario", scenario=scenario())
-    assert ack["data"]["status"] == "reset", "a good one still works"
+    assert ack["data"]["status"] == "reset", "a valid scenario still works"
     assert "names no body" in backend.ask("executeAction")["data"]["error"]
 
 
-def test_a_backend_that_goes_away_in_an_episode_is_named(tmp_path: Path) -> None:
+def test_a_backend_that_closes_the_connection_in_an_episode_is_reported(tmp_path: Path) -> None:
     backend = ReferenceBackend()
     url = f"ws://127.0.0.1:{backend.port}/ws/LJ-ENGINE/airsim"
     process = PipedFork([sys.executable, "-m", "lingjing.cli.main", "engine", "--connect", url])
@@ -280,7 +280,7 @@ def test_a_backend_that_goes_away_in_an_episode_is_named(tmp_path: Path) -> None
     assert process.returncode == 3 and "the backend has closed the connection" in text and "Traceback" not in text
 
 
-def test_a_scenario_that_is_sent_again_without_an_id_does_not_begin_anew(dial: Dial) -> None:
+def test_a_scenario_repeated_without_an_id_does_not_restart_the_episode(dial: Dial) -> None:
     backend = dial("--profile", "open_vocab")
     backend.ask("resetScenario", scenario=scenario())
     backend.ask("executeAction", action={"task_id": "T-1", "offset": [0.0, -1000.0]})
@@ -289,4 +289,6 @@ def test_a_scenario_that_is_sent_again_without_an_id_does_not_begin_anew(dial: D
     after = backend.ask("getObservation", query=query("step"))["data"]
     assert after["step"] == before["step"] == 1 and after["pose"] == before["pose"]
     backend.ask("resetScenario", scenario=scenario())
-    assert backend.ask("getObservation", query=query("reset"))["data"]["step"] == 0, "with an id it does"
+    assert backend.ask("getObservation", query=query("reset"))["data"]["step"] == 0, (
+        "a scenario with an id restarts the episode"
+    )

@@ -1,4 +1,4 @@
-"""Hostile clients of the backend: refused with a message, the episode unharmed."""
+"""Hostile clients of the backend: they are rejected with a message, and the episode continues."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def closed_with(connection: Any) -> tuple[int, str, list[str]]:
         return error.rcvd.code, error.rcvd.reason, frames
 
 
-def test_ten_connections_under_one_address_leave_the_session_of_a_running_episode(midway: Any) -> None:
+def test_further_connections_to_one_address_do_not_replace_a_session_in_an_episode(midway: Any) -> None:
     served, client = midway
     for _ in range(10):
         code, reason, frames = closed_with(raw(served.url()))
@@ -80,8 +80,10 @@ def test_ten_connections_under_one_address_leave_the_session_of_a_running_episod
     assert not client.ended
 
 
-def test_before_an_episode_a_second_connection_takes_the_place_of_the_first(serve: Serve) -> None:
-    served = serve("--pictures", "engine", "--deadline", "5", verbs=NORTH)  # it waits for the session `image` too
+def test_a_second_connection_replaces_the_first_before_an_episode(serve: Serve) -> None:
+    served = serve(
+        "--pictures", "engine", "--deadline", "5", verbs=NORTH
+    )  # the backend also waits for the session `image`
     first = ReferenceClient(served.url())
     second = ReferenceClient(served.url())
     code, _, frames = closed_with(first.socket)
@@ -94,7 +96,7 @@ def test_before_an_episode_a_second_connection_takes_the_place_of_the_first(serv
     assert trace.outcome is not None and trace.outcome.success
 
 
-def test_frames_out_of_order_unknown_and_broken_are_answered_and_dropped(midway: Any) -> None:
+def test_unexpected_and_invalid_frames_are_answered_and_dropped(midway: Any) -> None:
     served, client = midway
     stranger = ReferenceClient(served.url("stranger")).socket
     answers = {}
@@ -119,7 +121,7 @@ def test_frames_out_of_order_unknown_and_broken_are_answered_and_dropped(midway:
     assert code == 1008 and "frames were refused" in reason
 
 
-def test_replies_of_another_session_are_not_taken_for_the_owners(midway: Any) -> None:
+def test_a_reply_of_another_session_to_a_request_is_rejected(midway: Any) -> None:
     served, client = midway
     act = next(f["data"] for f in client.received if f.get("data", {}).get("commandType") == "executeAction")
     stranger = ReferenceClient(served.url("stranger")).socket
@@ -129,7 +131,7 @@ def test_replies_of_another_session_are_not_taken_for_the_owners(midway: Any) ->
     assert "no request has the id" in json.loads(stranger.recv(timeout=30))["data"]
 
 
-def test_an_oversized_frame_ends_its_own_connection(midway: Any) -> None:
+def test_an_oversized_frame_ends_only_its_own_connection(midway: Any) -> None:
     served, _ = midway
     stranger = ReferenceClient(served.url("stranger")).socket
     with contextlib.suppress(ConnectionClosed):
@@ -138,7 +140,7 @@ def test_an_oversized_frame_ends_its_own_connection(midway: Any) -> None:
     assert code == 1009
 
 
-def test_a_flood_of_telemetry_is_bounded(midway: Any) -> None:
+def test_a_flood_of_telemetry_does_not_block_the_server(midway: Any) -> None:
     served, client = midway
     for number in range(3000):
         client.send({"commandType": "pushEngineTelemetry", "taskId": client.task, "data": {"n": number}})
@@ -148,7 +150,7 @@ def test_a_flood_of_telemetry_is_bounded(midway: Any) -> None:
     stranger.close()
 
 
-def test_paths_user_types_and_addresses_that_are_none(midway: Any) -> None:
+def test_invalid_paths_user_types_and_addresses_are_rejected(midway: Any) -> None:
     served, _ = midway
     for path in (
         "/ws/LJ-SPY/airsim",
@@ -168,7 +170,7 @@ def test_paths_user_types_and_addresses_that_are_none(midway: Any) -> None:
     ("headers", "status"),
     [({"Origin": "https://evil.example"}, 403), ({"Origin": "null"}, 403), ({"Host": "evil.example:9909"}, 421)],
 )
-def test_a_page_of_another_site_is_refused(midway: Any, headers: dict[str, str], status: int) -> None:
+def test_a_request_from_a_page_of_another_site_is_rejected(midway: Any, headers: dict[str, str], status: int) -> None:
     served, _ = midway
     assert f" {status} " in handshake(served.port, headers)
     request = http.client.HTTPConnection("127.0.0.1", served.port, timeout=30)
@@ -189,12 +191,12 @@ def handshake(port: int, headers: dict[str, str]) -> str:
         return wire.recv(4096).split(b"\r\n")[0].decode()
 
 
-def test_own_origin_is_admitted(midway: Any) -> None:
+def test_a_request_from_the_servers_own_origin_is_accepted(midway: Any) -> None:
     served, _ = midway
     assert " 101 " in handshake(served.port, {"Origin": f"http://127.0.0.1:{served.port}"})
 
 
-def test_uploads_that_are_refused(midway: Any) -> None:
+def test_invalid_uploads_are_rejected(midway: Any) -> None:
     served, _ = midway
     url = f"http://127.0.0.1:{served.port}/sim/vision/upload"
     picture = red_picture()
@@ -221,7 +223,7 @@ def test_uploads_that_are_refused(midway: Any) -> None:
     assert not list(Path(served.folder).parent.glob("**/passwd"))
 
 
-def test_bytes_that_are_no_http_and_silent_connections(midway: Any) -> None:
+def test_the_server_survives_bytes_that_are_no_http_and_silent_connections(midway: Any) -> None:
     served, _ = midway
     silent = [socket.create_connection(("127.0.0.1", served.port), timeout=30) for _ in range(20)]
     for data in (b"\x16\x03\x01\x02\x00\x01", b"POST", b"POST / HTTP/1.1\r\n" + b"A: " + b"b" * 200_000, b"\x00" * 100):
@@ -232,7 +234,7 @@ def test_bytes_that_are_no_http_and_silent_connections(midway: Any) -> None:
         connection.close()
 
 
-def test_a_token_guards_a_server(serve: Serve, tmp_path: Path) -> None:
+def test_a_server_with_a_token_accepts_only_clients_with_the_token(serve: Serve, tmp_path: Path) -> None:
     (tmp_path / "token").write_text("correct-horse\n")
     served = serve("--token-file", str(tmp_path / "token"), verbs=NORTH)
     for url, headers in (
@@ -270,7 +272,7 @@ def test_a_token_guards_a_server(serve: Serve, tmp_path: Path) -> None:
         (["--lj-engine", "no_such_mission"], "no_such_mission"),
     ],
 )
-def test_a_wrong_command_line_of_the_backend(
+def test_a_wrong_command_line_of_the_backend_is_a_usage_error(
     options: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(["serve", *options]) == 2
@@ -289,7 +291,7 @@ def test_a_wrong_command_line_of_the_backend(
         (["--connect", "ws://127.0.0.1:1/ws/LJ-ENGINE/airsim", "--telemetry", "0"], 2, "must be a period of"),
     ],
 )
-def test_a_wrong_command_line_of_the_engine(
+def test_a_wrong_command_line_of_the_engine_is_reported(
     options: list[str], code: int, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(["engine", *options]) == code
@@ -297,19 +299,19 @@ def test_a_wrong_command_line_of_the_engine(
     assert message in error and "Traceback" not in error
 
 
-def test_nobody_comes(serve: Serve) -> None:
+def test_the_backend_ends_if_no_session_connects_in_time(serve: Serve) -> None:
     served = serve("--patience", "1", "--session", "multirotor=airsim")
     _, text = served.process.communicate(timeout=WAIT_S)
     assert served.process.returncode == 3
     assert "no session has come within 1 s: LJ-ENGINE_airsim is awaited, none is connected" in text
 
 
-def test_a_flood_of_relays_does_not_end_the_session_that_plays(midway: Any) -> None:
+def test_a_flood_of_relays_does_not_end_the_session_of_the_episode(midway: Any) -> None:
     served, client = midway
     stranger = ReferenceClient(served.url("stranger")).socket
     relay = json.dumps({"commandType": "sendToEngine", "data": {"text": "x" * 100_000}})
-    for _ in range(1000):  # 100 MB for a client that stands still
+    for _ in range(1000):  # 100 MB for a client that does not read
         stranger.send(relay)
-    stranger.ping().wait(60)  # the server has read them all
+    stranger.ping().wait(60)  # the server has read all relays
     assert not client.ended
     stranger.close()

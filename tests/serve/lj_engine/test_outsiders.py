@@ -1,4 +1,4 @@
-"""Faults that an engine and a backend showed which were written from the protocol's description alone."""
+"""Faults that appeared with an engine and a backend written only from the description of the protocol."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.serve.lj_engine.test_backend import NORTH, red_picture
 from tests.serve.lj_engine.test_engine import scenario
 
 
-def test_an_upload_in_pieces_of_two_bytes_is_an_upload() -> None:
+def test_an_upload_that_arrives_in_small_pieces_is_accepted() -> None:
     sessions = hub.Hub("task")
     serving = server.EngineServer(sessions, "127.0.0.1", 0)
     try:
@@ -44,7 +44,7 @@ def test_an_upload_in_pieces_of_two_bytes_is_an_upload() -> None:
         serving.close()
 
 
-def test_an_upload_that_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_upload_that_never_ends_is_closed_with_status_408(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "_UPLOAD_S", 0.3)
     serving = server.EngineServer(hub.Hub("task"), "127.0.0.1", 0)
     head = f"POST /sim/vision/upload HTTP/1.1\r\nHost: 127.0.0.1:{serving.port}\r\nContent-Length: 1000\r\n\r\n"
@@ -59,7 +59,7 @@ def test_an_upload_that_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch) -> 
         serving.close()
 
 
-def test_more_silent_connections_than_the_limit_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silent_connections_beyond_the_limit_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "MOST_OPEN", 3)
     serving = server.EngineServer(hub.Hub("task"), "127.0.0.1", 0)
     try:
@@ -76,7 +76,7 @@ def test_more_silent_connections_than_the_limit_are_closed(monkeypatch: pytest.M
         serving.close()
 
 
-def test_a_session_uploads_to_the_address_at_which_it_has_reached_the_server() -> None:
+def test_a_session_uploads_to_the_address_that_it_connected_to() -> None:
     """An engine on another machine cannot reach 127.0.0.1 of this one."""
     sessions = hub.Hub("task")
     serving = server.EngineServer(sessions, "0.0.0.0", 0, token="t")
@@ -90,8 +90,8 @@ def test_a_session_uploads_to_the_address_at_which_it_has_reached_the_server() -
         serving.close()
 
 
-def test_pings_draw_nothing_from_the_global_generator() -> None:
-    """They were taken for draws of a policy."""
+def test_pings_do_not_use_the_global_random_generator() -> None:
+    """Their draws were reported as draws of a policy."""
     sent: list[Any] = []
 
     class Recorded(ServerConnection):
@@ -106,7 +106,7 @@ def test_pings_draw_nothing_from_the_global_generator() -> None:
     assert random.getstate() == before and len(sent[0]) == 4
 
 
-def test_a_session_that_is_gone_before_its_link_is_an_abort() -> None:
+def test_a_session_lost_before_the_episode_is_an_infrastructure_error() -> None:
     with pytest.raises(InfrastructureError, match="LJ-ENGINE_airsim was lost before the episode began"):
         hub.Hub("task").link("multirotor", "LJ-ENGINE_airsim", paced=False)
 
@@ -128,7 +128,7 @@ class Scripted:
     def pause(self, until_s: float) -> None: ...
 
 
-def test_a_route_that_names_no_car_is_that_of_the_car_that_was_sent_last() -> None:
+def test_a_route_without_a_car_belongs_to_the_car_with_the_last_command() -> None:
     instance = instantiate("cd")
     cars = [entity for entity in instance.entities if entity.engine == "road" and entity.role == "asset"]
     session = Scripted()
@@ -146,14 +146,14 @@ def test_a_route_that_names_no_car_is_that_of_the_car_that_was_sent_last() -> No
     assert (route.entity, route.request) == (cars[0].id, "c1") and route.waypoints[-1][0] == pytest.approx(50.0)
 
 
-def test_a_profile_of_one_body_says_so_to_a_mission_of_several(serve: Serve) -> None:
+def test_a_profile_of_one_body_is_rejected_for_a_mission_of_several_bodies(serve: Serve) -> None:
     served = serve(verbs=NORTH, uavs=2)
     ReferenceClient(served.url(), "open_vocab").start()
     served.finish(code=3)
     assert any("its profile reports one body" in line for line in served.errors), served.errors
 
 
-def test_a_backend_that_closes_while_the_scenario_is_acknowledged_is_named() -> None:
+def test_a_backend_that_closes_while_the_scenario_is_acknowledged_is_reported() -> None:
     """The connection ends between the acknowledgement and the next frame."""
     from websockets.exceptions import ConnectionClosedError
 
