@@ -1,4 +1,4 @@
-"""The conformance kit: the built-in engines pass it, and each check catches an engine broken on purpose."""
+"""The conformance kit: the built-in engines pass it, and each check detects an engine with a planted fault."""
 
 import asyncio
 import math
@@ -79,13 +79,13 @@ def test_the_satellite_engine_conforms(instance_of, uav, open_sea):
     kit.check_engine(BUILT_IN["satellite"], instance_of([eye, uav(2)]), open_sea, (early,), placed=False)
 
 
-def test_check_engine_runs_everything_at_once(case):
+def test_check_engine_runs_all_checks(case):
     whole = case("vessel")
     kit.check_engine(whole.plugin, whole.instance, whole.city, whole.commands, seconds=10.0)
 
 
-class Sound:
-    """A small engine that keeps every promise: each request takes four seconds. Faults are subclasses of it."""
+class Faultless:
+    """A small engine without faults. Each request takes four seconds. Engines with one fault are subclasses."""
 
     made = 0
     verbs = ("moveTo", "stop")
@@ -178,153 +178,153 @@ class Sound:
         )
 
 
-class Misplaced(Sound):
+class WrongStartPosition(Faultless):
     def state(self, entity):
         return BodyState(id=entity.id, position=(entity.position[0] + 1.0, 0.0, 0.0))
 
 
-class LateStart(Sound):
+class WrongStartTime(Faultless):
     def reset(self, spec, city, seed):
         return msgspec.structs.replace(super().reset(spec, city, seed), time_s=0.5)
 
 
-class Ignorant(Sound):
+class LacksVerb(Faultless):
     verbs = ("stop",)
 
 
-class Forgetful(Sound):
+class DropsReceipt(Faultless):
     def submit(self, commands):
         return super().submit(commands)[1:]
 
 
-class Backwards(Sound):
+class ReversesReceipts(Faultless):
     verbs = ("moveTo", "stop", "takeoff", "setDestination")
 
     def submit(self, commands):
         return super().submit(commands)[::-1]
 
 
-class Eager(Sound):
+class CompletesAtAdmission(Faultless):
     def admit(self, command):
         return msgspec.structs.replace(super().admit(command), status="completed")
 
 
-class Obliging(Sound):
+class AcceptsEveryCommand(Faultless):
     def admit(self, command):
         return self.receipt(command, "accepted")
 
 
-class Speechless(Sound):
+class RejectsWithoutReason(Faultless):
     def admit(self, command):
         return msgspec.structs.replace(super().admit(command), reason="")
 
 
-class Slow(Sound):
+class ReturnsEarlierTime(Faultless):
     def advance(self, until, mirrors):
         return super().advance(until - 0.1, mirrors)
 
 
-class Losing(Sound):
+class DropsBody(Faultless):
     def advance(self, until, mirrors):
         boundary = super().advance(until, mirrors)
         return msgspec.structs.replace(boundary, states=boundary.states[1:])
 
 
-class Infinite(Sound):
+class NonFinitePosition(Faultless):
     def state(self, entity):
         place = entity.position if self.now == 0.0 else (float("nan"), 0.0, 0.0)
         return BodyState(id=entity.id, position=place)
 
 
-class Overturned(Sound):
+class HeadingOf360(Faultless):
     def state(self, entity):
         return BodyState(id=entity.id, position=entity.position, heading_deg=360.0 if self.now else 0.0)
 
 
-class Prophetic(Sound):
+class FutureEvent(Faultless):
     def events(self):
         return (TaskEvent(kind="arrived", entities=("boat",), time_s=self.now + 60.0),) if self.now else ()
 
 
-class Boundless(Sound):
+class NonFiniteEvent(Faultless):
     def events(self):
         values = {"speed_mps": math.inf}
         return (TaskEvent(kind="hit", entities=("boat",), time_s=self.now, values=values),) if self.now else ()
 
 
-class Crowded(Sound):
+class WithBackground(Faultless):
     shown = BodyState(id="traffic/1", kind="car", position=(0.0, 0.0, 0.0))
 
     def ambient(self):
         return (self.shown,)
 
 
-class Clashing(Crowded):
+class BackgroundWithEntityId(WithBackground):
     shown = BodyState(id="uav[1]", kind="car", position=(0.0, 0.0, 0.0))
 
 
-class Nameless(Crowded):
+class BackgroundWithoutKind(WithBackground):
     shown = BodyState(id="traffic/1", position=(0.0, 0.0, 0.0))
 
 
-class Doubled(Crowded):
+class RepeatedBackground(WithBackground):
     def ambient(self):
         return (self.shown, self.shown)
 
 
-class Boiling(Crowded):
+class NonFiniteBackground(WithBackground):
     shown = BodyState(id="traffic/1", kind="car", position=(0.0, 0.0, math.nan))
 
 
-class Routed(Sound):
+class WithRoute(Faultless):
     route = Route(entity="boat", number=1, waypoints=((1.0, 2.0, 0.0),), length_m=5.0, duration_s=2.0, time_s=0.0)
 
     def routes(self):
         return (self.route,) if self.now == 1.0 else ()
 
 
-class Miscounting(Routed):
-    route = msgspec.structs.replace(Routed.route, number=2)
+class WrongRouteNumber(WithRoute):
+    route = msgspec.structs.replace(WithRoute.route, number=2)
 
 
-class Pointless(Routed):
-    route = msgspec.structs.replace(Routed.route, waypoints=())
+class RouteWithoutPoints(WithRoute):
+    route = msgspec.structs.replace(WithRoute.route, waypoints=())
 
 
-class Poaching(Routed):
-    route = msgspec.structs.replace(Routed.route, entity="uav[1]")
+class RouteOfForeignBody(WithRoute):
+    route = msgspec.structs.replace(WithRoute.route, entity="uav[1]")
 
 
-class Foreseeing(Routed):
-    route = msgspec.structs.replace(Routed.route, time_s=9.0)
+class FutureRoute(WithRoute):
+    route = msgspec.structs.replace(WithRoute.route, time_s=9.0)
 
 
-class Deaf(Sound):
+class WithUnreachableLink(Faultless):
     pair = ("uav[1]", "boat")
 
     def unreachable_links(self):
         return (self.pair,)
 
 
-class Reversed(Deaf):
+class LinkInWrongOrder(WithUnreachableLink):
     pair = ("boat", "uav[1]")
 
 
-class Unacquainted(Deaf):
+class LinkToUnknownBody(WithUnreachableLink):
     pair = ("uav[1]", "moon")
 
 
-class Gullible(Sound):
+class AcceptsNonFiniteArgument(Faultless):
     def is_number(self, value):
         return isinstance(value, float)
 
 
-class Literal(Sound):
+class AcceptsTextArgument(Faultless):
     def is_number(self, value):
         return isinstance(value, str) or math.isfinite(value)
 
 
-class Grasping(Sound):
+class AcceptsForeignBody(Faultless):
     def admit(self, command):
         self.owned = (
             self.owned if command.resource == "boat" else (msgspec.structs.replace(self.owned[0], id="uav[1]"),)
@@ -332,26 +332,26 @@ class Grasping(Sound):
         return super().admit(command)
 
 
-class Interrupting(Sound):
+class ReplacesRunningCommand(Faultless):
     def busy(self, command):
         self.preempt(command)
         self.pending[command.resource] = (command, self.now)
         return self.receipt(command, "accepted")
 
 
-class Distracted(Sound):
+class RestartsRunningCommand(Faultless):
     def busy(self, command):
         pending, _ = self.pending[command.resource]
         self.pending[command.resource] = (pending, self.now)
         return super().busy(command)
 
 
-class Slipping(Sound):
+class DecreasingProgress(Faultless):
     def receipt(self, command, status, reason="", progress=None):
         return super().receipt(command, status, reason, None if progress is None else 1.0 - progress)
 
 
-class Echoing(Sound):
+class EchoesMirrors(Faultless):
     def advance(self, until, mirrors):
         self.seen = tuple(state for state in mirrors if state.kind)
         return super().advance(until, mirrors)
@@ -360,14 +360,14 @@ class Echoing(Sound):
         return getattr(self, "seen", ())
 
 
-class Fragile(Sound):
+class RaisesForUnknownKind(Faultless):
     def advance(self, until, mirrors):
         if any(state.kind == "conformance.noSuchKind" for state in mirrors):
             raise kit.ConformanceError("what is that?")
         return super().advance(until, mirrors)
 
 
-class Counting(Sound):
+class CountsCallsOfAdvance(Faultless):
     calls = 0
 
     def advance(self, until, mirrors):
@@ -382,41 +382,41 @@ class Counting(Sound):
         return BodyState(id=entity.id, position=(*entity.position[:2], float(self.calls)))
 
 
-class Chatty(Sound):
+class RepeatsRunningReceipt(Faultless):
     def advance(self, until, mirrors):
         self.outbox += [self.receipt(command, "running", progress=0.1) for command, _ in self.pending.values()]
         return super().advance(until, mirrors)
 
 
-class Undead(Sound):
+class RepeatsCompletedReceipt(Faultless):
     def advance(self, until, mirrors):
         self.outbox += [self.receipt(command, "completed") for command, _ in self.pending.values()]
         return super().advance(until, mirrors)
 
 
-class Boastful(Sound):
+class ProgressAboveOne(Faultless):
     def receipt(self, command, status, reason="", progress=None):
         return super().receipt(command, status, reason, None if progress is None else 2.0)
 
 
-class Anonymous(Sound):
+class WrongReceiptAuthor(Faultless):
     def receipt(self, *arguments, **more):
         return msgspec.structs.replace(super().receipt(*arguments, **more), by="kernel")
 
 
-class Stubborn(Sound):
+class PreemptsWithoutReceipt(Faultless):
     def preempt(self, command):
         self.pending.pop(command.resource, None)
 
 
-class Moody(Sound):
+class DiffersBetweenInstances(Faultless):
     def state(self, entity):
-        Moody.made += 1
-        height = 0.0 if self.now == 0.0 else float(Moody.made)
+        DiffersBetweenInstances.made += 1
+        height = 0.0 if self.now == 0.0 else float(DiffersBetweenInstances.made)
         return BodyState(id=entity.id, position=(*entity.position[:2], height))
 
 
-class Residual(Sound):
+class KeepsStateOverReset(Faultless):
     runs = 0
 
     def reset(self, spec, city, seed):
@@ -427,36 +427,36 @@ class Residual(Sound):
         return BodyState(id=entity.id, position=entity.position, pitch_deg=float(self.runs))
 
 
-class Loose(Sound):
+class PositionAsList(Faultless):
     def state(self, entity):
         return BodyState(id=entity.id, position=list(entity.position))
 
 
-class Rooted(Sound):
+class DiffersInFork(Faultless):
     def state(self, entity):
         away = 0.0 if os.getpid() == self.process else 1.0
         return BodyState(id=entity.id, position=entity.position, roll_deg=away)
 
 
-class Snapping(Sound):
+class CapturesWithoutRequest(Faultless):
     def capture(self, requests):
         return (None,)
 
 
-class Brittle(Sound):
+class FailsAtSecondClose(Faultless):
     def close(self):
         if getattr(self, "gone", False):
             raise kit.ConformanceError("closed twice")
         self.gone = hasattr(self, "name")
 
 
-class Clinging(Sound):
+class FailsAtCloseBeforeReset(Faultless):
     def close(self):
         if not hasattr(self, "name"):
             raise kit.ConformanceError("closed before it was reset")
 
 
-class Racing(Sound):
+class TooFast(Faultless):
     """An engine with a boat that moves 30 m in a second; its `kinds.json` allows far less."""
 
     def state(self, entity):
@@ -464,65 +464,65 @@ class Racing(Sound):
         return BodyState(id=entity.id, position=(x + 30.0 * self.now, y, z))
 
 
-class Mumbling(Sound):
+class UndescribedStatus(Faultless):
     def state(self, entity):
         return BodyState(id=entity.id, position=entity.position, status="mumbling" if self.now else "")
 
 
-class Leaderless(Sound):
+class ResetWithoutBoundary(Faultless):
     def reset(self, spec, city, seed):
         super().reset(spec, city, seed)
 
 
 BROKEN = [
-    (Racing, kit.check_speed),
-    (Mumbling, kit.check_words),
-    (Leaderless, kit.check_ready),
-    (Misplaced, kit.check_ready),
-    (LateStart, kit.check_ready),
-    (Ignorant, kit.check_commands),
-    (Forgetful, kit.check_admission),
-    (Backwards, kit.check_admission),
-    (Eager, kit.check_admission),
-    (Anonymous, kit.check_admission),
-    (Obliging, kit.check_refusals),
-    (Speechless, kit.check_refusals),
-    (Slow, kit.check_advance),
-    (Losing, kit.check_advance),
-    (Infinite, kit.check_advance),
-    (Overturned, kit.check_advance),
-    (Prophetic, kit.check_advance),
-    (Boundless, kit.check_advance),
-    (Clashing, kit.check_advance),
-    (Nameless, kit.check_advance),
-    (Doubled, kit.check_advance),
-    (Boiling, kit.check_advance),
-    (Miscounting, kit.check_advance),
-    (Pointless, kit.check_advance),
-    (Poaching, kit.check_advance),
-    (Foreseeing, kit.check_advance),
-    (Reversed, kit.check_advance),
-    (Unacquainted, kit.check_advance),
-    (Gullible, kit.check_arguments),
-    (Literal, kit.check_arguments),
-    (Grasping, kit.check_refusals),
-    (Interrupting, kit.check_busy),
-    (Distracted, kit.check_busy),
-    (Slipping, kit.check_receipts),
-    (Echoing, kit.check_strangers),
-    (Fragile, kit.check_strangers),
-    (Counting, kit.check_cuts),
-    (Chatty, kit.check_receipts),
-    (Undead, kit.check_receipts),
-    (Boastful, kit.check_receipts),
-    (Stubborn, kit.check_preemption),
-    (Moody, kit.check_repeatable),
-    (Residual, kit.check_repeatable),
-    (Loose, kit.check_values),
-    (Rooted, kit.check_fork),
-    (Snapping, kit.check_capture),
-    (Clinging, kit.check_close),
-    (Brittle, kit.check_close),
+    (TooFast, kit.check_speed),
+    (UndescribedStatus, kit.check_words),
+    (ResetWithoutBoundary, kit.check_ready),
+    (WrongStartPosition, kit.check_ready),
+    (WrongStartTime, kit.check_ready),
+    (LacksVerb, kit.check_commands),
+    (DropsReceipt, kit.check_admission),
+    (ReversesReceipts, kit.check_admission),
+    (CompletesAtAdmission, kit.check_admission),
+    (WrongReceiptAuthor, kit.check_admission),
+    (AcceptsEveryCommand, kit.check_refusals),
+    (RejectsWithoutReason, kit.check_refusals),
+    (ReturnsEarlierTime, kit.check_advance),
+    (DropsBody, kit.check_advance),
+    (NonFinitePosition, kit.check_advance),
+    (HeadingOf360, kit.check_advance),
+    (FutureEvent, kit.check_advance),
+    (NonFiniteEvent, kit.check_advance),
+    (BackgroundWithEntityId, kit.check_advance),
+    (BackgroundWithoutKind, kit.check_advance),
+    (RepeatedBackground, kit.check_advance),
+    (NonFiniteBackground, kit.check_advance),
+    (WrongRouteNumber, kit.check_advance),
+    (RouteWithoutPoints, kit.check_advance),
+    (RouteOfForeignBody, kit.check_advance),
+    (FutureRoute, kit.check_advance),
+    (LinkInWrongOrder, kit.check_advance),
+    (LinkToUnknownBody, kit.check_advance),
+    (AcceptsNonFiniteArgument, kit.check_arguments),
+    (AcceptsTextArgument, kit.check_arguments),
+    (AcceptsForeignBody, kit.check_refusals),
+    (ReplacesRunningCommand, kit.check_busy),
+    (RestartsRunningCommand, kit.check_busy),
+    (DecreasingProgress, kit.check_receipts),
+    (EchoesMirrors, kit.check_strangers),
+    (RaisesForUnknownKind, kit.check_strangers),
+    (CountsCallsOfAdvance, kit.check_cuts),
+    (RepeatsRunningReceipt, kit.check_receipts),
+    (RepeatsCompletedReceipt, kit.check_receipts),
+    (ProgressAboveOne, kit.check_receipts),
+    (PreemptsWithoutReceipt, kit.check_preemption),
+    (DiffersBetweenInstances, kit.check_repeatable),
+    (KeepsStateOverReset, kit.check_repeatable),
+    (PositionAsList, kit.check_values),
+    (DiffersInFork, kit.check_fork),
+    (CapturesWithoutRequest, kit.check_capture),
+    (FailsAtCloseBeforeReset, kit.check_close),
+    (FailsAtSecondClose, kit.check_close),
 ]
 
 
@@ -531,18 +531,18 @@ def declared(engine, name="vessel", **more):
 
 
 @pytest.mark.parametrize("check", kit.ENGINE_CHECKS, ids=kit.check_name)
-def test_a_sound_engine_passes(case, check):
-    check(case("vessel", declared(Sound)))
+def test_an_engine_without_faults_passes_every_check(case, check):
+    check(case("vessel", declared(Faultless)))
 
 
-@pytest.mark.parametrize("engine", [Crowded, Routed, Deaf])
-def test_background_routes_and_silence_are_fine_as_such(case, engine):
+@pytest.mark.parametrize("engine", [WithBackground, WithRoute, WithUnreachableLink])
+def test_background_bodies_routes_and_unreachable_links_are_accepted(case, engine):
     kit.check_advance(case("vessel", declared(engine)))
 
 
 @pytest.mark.parametrize(("broken", "check"), BROKEN, ids=[engine.__name__ for engine, _ in BROKEN])
-def test_each_fault_is_caught_by_its_check(case, broken, check):
-    name = "multirotor" if broken is Backwards else "vessel"
+def test_each_fault_is_detected_by_its_check(case, broken, check):
+    name = "multirotor" if broken is ReversesReceipts else "vessel"
     with pytest.raises(kit.ConformanceError):
         check(case(name, declared(broken, name)))
 
@@ -551,15 +551,15 @@ def test_every_check_has_an_engine_that_fails_it():
     assert {check for _, check in BROKEN} | {kit.check_options} == set(kit.ENGINE_CHECKS)
 
 
-def test_a_model_of_options_that_does_not_load_is_caught(case):
+def test_a_model_of_options_that_cannot_be_loaded_is_reported(case):
     with pytest.raises(PluginError, match="the options of engine `vessel` cannot be loaded from `nowhere:Nope`"):
-        kit.check_options(case("vessel", declared(Sound, options="nowhere:Nope")))
+        kit.check_options(case("vessel", declared(Faultless, options="nowhere:Nope")))
 
 
 def test_a_boat_that_drifts_with_wind_and_current_is_not_too_fast(case):
-    """The described speed is that of a driven boat; without a command wind and current alone move it."""
+    """The described speed is that of a driven boat. Without a command, only wind and current move the boat."""
 
-    class Drifting(Racing):
+    class Drifting(TooFast):
         def state(self, entity):
             x, y, z = entity.position
             return BodyState(id=entity.id, position=(x + 1.5 * self.now, y, z))
@@ -573,18 +573,18 @@ def test_a_boat_that_drifts_with_wind_and_current_is_not_too_fast(case):
         kit.check_speed(idle)
 
 
-class Failing(Sound):
+class RaisesInAdvance(Faultless):
     def advance(self, until, mirrors):
         return 1 / 0
 
 
-class Choking(Sound):
+class RaisesForNonFiniteArgument(Faultless):
     def is_number(self, value):
         return isinstance(value, float) and int(value) == int(value)
 
 
-def test_an_engine_that_raises_is_named_with_its_line_once(case):
-    broken = case("vessel", declared(Failing))
+def test_an_exception_of_an_engine_is_reported_once_with_its_line(case):
+    broken = case("vessel", declared(RaisesInAdvance))
     with pytest.raises(kit.ConformanceError, match=r"engine `vessel` breaks its contract: ") as caught:
         kit.check_engine(broken.plugin, broken.instance, broken.city, broken.commands)
     assert str(caught.value).count("ZeroDivisionError: division by zero (tests/plugins/test_conformance.py:") == 1
@@ -594,29 +594,29 @@ def test_an_engine_that_raises_is_named_with_its_line_once(case):
 def test_an_argument_for_which_submit_raises_is_named(case):
     message = r"submit: `moveTo` \{'x': nan, 'y': 40.0\} for `boat`: ValueError: cannot convert float NaN to integer"
     with pytest.raises(kit.ConformanceError, match=message):
-        kit.check_arguments(case("vessel", declared(Choking)))
+        kit.check_arguments(case("vessel", declared(RaisesForNonFiniteArgument)))
 
 
-def test_a_number_that_is_not_finite_is_one_fault_and_no_other(case):
-    broken = case("vessel", declared(Infinite))
+def test_a_number_that_is_not_finite_causes_no_further_faults(case):
+    broken = case("vessel", declared(NonFinitePosition))
     with pytest.raises(kit.ConformanceError) as caught:
         kit.check_engine(broken.plugin, broken.instance, broken.city, broken.commands)
     faults = str(caught.value).partition("breaks its contract: ")[2].split("; ")
     assert {fault.partition(": ")[2].rpartition(" at ")[0] for fault in faults} == {"`boat`"}, faults
 
 
-class Hopeless(Slow, Boastful):
+class TwoFaults(ReturnsEarlierTime, ProgressAboveOne):
     pass
 
 
-def test_all_faults_are_told_at_once(case):
-    broken = case("vessel", declared(Hopeless))
+def test_all_faults_of_an_engine_are_reported_together(case):
+    broken = case("vessel", declared(TwoFaults))
     with pytest.raises(kit.ConformanceError, match=r"engine `vessel` breaks its contract: .*advance.*: .*receipts: "):
         kit.check_engine(broken.plugin, broken.instance, broken.city, broken.commands)
 
 
-class Painter(Sound):
-    """A sensor that paints flat pictures as declared."""
+class Painter(Faultless):
+    """A sensor that returns black pictures of the declared size."""
 
     height, dtype = 4, np.uint8
 
@@ -637,52 +637,52 @@ class Painter(Sound):
         return Frame(info=info, rgb=np.zeros((self.height, 6, 3), self.dtype))
 
 
-class Cropping(Painter):
+class WrongPictureSize(Painter):
     height = 3
 
 
-class Floating(Painter):
+class FloatPixels(Painter):
     dtype = np.float32
 
 
-class Dropping(Painter):
+class DropsPicture(Painter):
     def capture(self, requests):
         return super().capture(requests)[1:]
 
 
-class Counting(Painter):
+class PaintsNumberOfStates(Painter):
     """A renderer that paints the number of received states, and uses the number as the key of its cache."""
 
-    told = 0
+    received = 0
 
     def advance(self, until, mirrors):
-        self.told += 1
+        self.received += 1
         return super().advance(until, mirrors)
 
     def paint(self, request):
         frame = super().paint(request)
-        frame.rgb[:] = self.told
+        frame.rgb[:] = self.received
         return frame
 
     def picture_key(self, request):
-        return bytes([self.told])
+        return bytes([self.received])
 
 
-class Forgetful(Counting):
+class ConstantPictureKey(PaintsNumberOfStates):
     def picture_key(self, request):
         return b"always"
 
 
-class Wordy(Counting):
+class TextAsPictureKey(PaintsNumberOfStates):
     def picture_key(self, request):
-        return str(self.told)
+        return str(self.received)
 
 
 @pytest.mark.parametrize(
     ("painter", "conforms"),
     [
-        (Painter, True), (Cropping, False), (Floating, False), (Dropping, False),
-        (Counting, True), (Forgetful, False), (Wordy, False),
+        (Painter, True), (WrongPictureSize, False), (FloatPixels, False), (DropsPicture, False),
+        (PaintsNumberOfStates, True), (ConstantPictureKey, False), (TextAsPictureKey, False),
     ],
 )  # fmt: skip
 def test_pictures_are_checked_against_their_declaration(case, painter, conforms):
@@ -700,8 +700,8 @@ def test_pictures_are_checked_against_their_declaration(case, painter, conforms)
         kit.check_capture(pictured)
 
 
-class Calm:
-    """A policy that says where it goes, and goes."""
+class FaultlessPolicy:
+    """A policy that sends a message about its destination and moves there."""
 
     made = 0
     command = Action(verb="moveTo", arguments={"x": 1.0, "y": 2.0})
@@ -715,56 +715,56 @@ class Calm:
         return Decision(command=self.command, messages=(self.message,))
 
 
-class Trespassing(Calm):
+class CommandsForeignBody(FaultlessPolicy):
     command = Action(verb="moveTo", resource="uav[1]")
 
 
-class Inventive(Calm):
+class UnknownVerb(FaultlessPolicy):
     command = Action(verb="dive")
 
 
-class Verbose(Calm):
+class UnknownArgument(FaultlessPolicy):
     command = Action(verb="moveTo", arguments={"x": 1.0, "y": 2.0, "mood": "good"})
 
 
-class Whispering(Calm):
+class UnknownMessage(FaultlessPolicy):
     message = Outgoing(kind="secret", body={})
 
 
-class Terse(Calm):
+class MissingField(FaultlessPolicy):
     message = Outgoing(kind="note", body={})
 
 
-class Lost(Calm):
+class UnknownRecipient(FaultlessPolicy):
     message = Outgoing(kind="note", body={"text": "?"}, to=("nobody",))
 
 
-class Endless(Calm):
+class NonFiniteArgument(FaultlessPolicy):
     command = Action(verb="moveTo", arguments={"x": math.nan, "y": 2.0})
 
 
-class Silent(Calm):
+class MissingArgument(FaultlessPolicy):
     command = Action(verb="moveTo", arguments={"x": 1.0})
 
 
-class Raising(Calm):
+class RaisesInReset(FaultlessPolicy):
     async def reset(self, brief):
         self.brief = brief.nothing
 
 
-class Vague(Calm):
+class NonFiniteField(FaultlessPolicy):
     message = Outgoing(kind="note", body={"text": math.inf})
 
 
-class Wordless(Calm):
+class ReturnsDictionary(FaultlessPolicy):
     async def act(self, observation, inbox):
         return {"command": None}
 
 
-class Fickle(Calm):
+class ChangesDecisions(FaultlessPolicy):
     async def act(self, observation, inbox):
-        Fickle.made += 1
-        return Decision(thought=str(Fickle.made))
+        ChangesDecisions.made += 1
+        return Decision(thought=str(ChangesDecisions.made))
 
 
 @pytest.fixture
@@ -801,43 +801,43 @@ def brief():
     )
 
 
-def test_a_sound_policy_passes(brief):
-    kit.check_policy(PolicyPlugin(name="calm", factory=Calm), brief)
+def test_a_policy_without_faults_passes(brief):
+    kit.check_policy(PolicyPlugin(name="calm", factory=FaultlessPolicy), brief)
 
 
 @pytest.mark.parametrize(
     ("broken", "complaint"),
     [
-        (Trespassing, "may not command"),
-        (Inventive, "no verb `dive`"),
-        (Verbose, "takes no mood"),
-        (Whispering, "a message `secret`"),
-        (Terse, "without text"),
-        (Lost, "unknown agent"),
-        (Wordless, "a value of type `dict` instead of a Decision"),
+        (CommandsForeignBody, "may not command"),
+        (UnknownVerb, "no verb `dive`"),
+        (UnknownArgument, "takes no mood"),
+        (UnknownMessage, "a message `secret`"),
+        (MissingField, "without text"),
+        (UnknownRecipient, "unknown agent"),
+        (ReturnsDictionary, "a value of type `dict` instead of a Decision"),
         (
-            Endless,
+            NonFiniteArgument,
             "policy `broken` breaks its contract: decisions: act: `moveTo`: `x` is nan, a finite number is due\nhint",
         ),
-        (Silent, "act: `moveTo` without y"),
-        (Vague, "act: a `note`: `text` is inf, finite numbers are due"),
+        (MissingArgument, "act: `moveTo` without y"),
+        (NonFiniteField, "act: a `note`: `text` is inf, finite numbers are due"),
         (
-            Raising,
+            RaisesInReset,
             r"AttributeError: 'Brief' object has no attribute 'nothing' \(tests/plugins/test_conformance.py:\d+\)",
         ),
-        (Fickle, "decide differently"),
+        (ChangesDecisions, "decide differently"),
     ],
 )
-def test_a_broken_policy_is_caught(brief, broken, complaint):
+def test_a_policy_that_breaks_its_contract_fails(brief, broken, complaint):
     with pytest.raises(kit.ConformanceError, match=complaint):
         kit.check_policy(PolicyPlugin(name="broken", factory=broken), brief)
 
 
-def test_a_policy_over_a_model_need_not_repeat_itself(brief):
-    kit.check_policy(PolicyPlugin(name="fickle", factory=Fickle), brief, deterministic=False)
+def test_a_policy_over_a_model_need_not_be_deterministic(brief):
+    kit.check_policy(PolicyPlugin(name="fickle", factory=ChangesDecisions), brief, deterministic=False)
 
 
-def test_the_host_finds_the_built_in_plug_ins_through_the_door_of_all():
+def test_the_host_registers_the_built_in_plug_ins_like_any_other():
     host = PluginHost(entry_points=False, extra=(builtin,))
     named = {"multirotor", "plane", "quadruped", "road", "vessel", "satellite", "remote", "city", "camera"}
     assert set(host.engines) == named
@@ -846,7 +846,7 @@ def test_the_host_finds_the_built_in_plug_ins_through_the_door_of_all():
     assert host.scene("bay").build(SceneSpec(kind="bay", datum_m=-3.5)).waters
 
 
-def test_nothing_heavy_is_loaded_to_declare_the_built_in_plug_ins():
+def test_declaring_the_built_in_plug_ins_imports_no_heavy_library():
     import subprocess
     import sys
 

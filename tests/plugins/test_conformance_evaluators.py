@@ -1,4 +1,4 @@
-"""The conformance kit on evaluators: answers that depend on the arguments alone, and every way to break that."""
+"""The conformance kit on evaluators: results must depend only on the arguments."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class _Path:
 
 
 class _Farthest(_Path):
-    """The largest distance so far: the boundaries in order give the same answers twice."""
+    """The largest distance so far. Two passes over the boundaries in order give the same results."""
 
     def evaluate(self, state: EpisodeState, events: object) -> Evaluation:
         self.length_m = max(self.length_m, state.states[self.body].position[0] / 1000.0)
@@ -129,7 +129,7 @@ class _Events:
 
 
 class _FirstTick(_Path):
-    """An evaluator that begins anew at tick 0, so that whole episodes are scored alike."""
+    """An evaluator that resets its state at tick 0, so that whole episodes are scored alike."""
 
     def evaluate(self, state: EpisodeState, events: object) -> Evaluation:
         if state.tick == 0:
@@ -176,7 +176,7 @@ def _with_options(instance: Instance, options: Share) -> _Stages:
     return _Stages(instance)
 
 
-def test_a_declaration_without_its_options_is_named_and_not_the_option(instance: Instance) -> None:
+def test_a_missing_model_of_options_is_reported_instead_of_an_unknown_option(instance: Instance) -> None:
     message = r"`build` of `mine` takes \(instance, options\), and it is called with \(instance\)"
     with pytest.raises(PluginError, match=message) as caught:
         kit.check_evaluator(EvaluatorPlugin(name="mine", build=_with_options), instance, {"reward": 0.5})

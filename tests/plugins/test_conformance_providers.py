@@ -1,4 +1,4 @@
-"""The conformance kit on evaluators, scenes, files of kinds, thin bodies and cases that would try nothing."""
+"""The conformance kit on scenes, files of kinds, thin bodies and cases with unknown commands."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def instance_with(length: float = 1.0, width: float = 1.0, height: float = 1.0) 
 
 
 @pytest.mark.parametrize("size", [(100.0, 0.5, 0.5), (0.5, 0.5, 100.0), (0.3, 0.3, 0.3)])
-def test_bodies_far_from_a_cube_are_seen_and_hit(size: tuple[float, float, float]) -> None:
+def test_long_tall_and_small_bodies_pass_the_checks_of_bodies(size: tuple[float, float, float]) -> None:
     mission = compile_text(MISSION % size).mission
     assert mission is not None
     kit.check_body(mission, "thing")
@@ -65,23 +65,25 @@ def order(resource: str, verb: str, **arguments: float) -> Command:
 
 
 @pytest.mark.parametrize(
-    ("command", "said"),
+    ("command", "message"),
     [
         (order("uaw", "takeoff"), "the engine owns uav and no `uaw`"),
         (order("thing", "takeoff"), "the engine owns uav and no `thing`"),
         (order("uav", "tkeoff"), "`uav` has no verb `tkeoff`, it has takeoff, stop"),
     ],
 )
-def test_a_case_that_would_try_nothing_fails(command: Command, said: str) -> None:
-    with pytest.raises(kit.ConformanceError, match=f"breaks its contract: commands: the case's command c0-1: {said}"):
+def test_a_case_with_an_unknown_entity_or_verb_fails(command: Command, message: str) -> None:
+    with pytest.raises(
+        kit.ConformanceError, match=f"breaks its contract: commands: the case's command c0-1: {message}"
+    ):
         case = engine_case(command)
         kit.check_engine(case.plugin, case.instance, case.city, case.commands, seconds=2.0)
 
 
-def test_a_case_whose_commands_the_engine_does_not_know_fails() -> None:
-    """Of an entity that declares no verbs the engine says which it knows."""
+def test_a_case_whose_commands_the_engine_rejects_as_unknown_fails() -> None:
+    """If an entity declares no verbs, the engine decides which verbs exist."""
     case = engine_case(order("uav", "somersault"))
-    entities = tuple(msgspec.structs.replace(one, verbs=()) for one in case.instance.entities)
+    entities = tuple(msgspec.structs.replace(entity, verbs=()) for entity in case.instance.entities)
     bare = msgspec.structs.replace(case.instance, entities=entities)
     with pytest.raises(kit.ConformanceError, match="the case's command c0-1 is rejected: unknown_verb"):
         kit.check_commands(kit.EngineCase(case.plugin, bare, case.city, case.commands, seconds=2.0))
@@ -105,7 +107,7 @@ def test_the_built_in_scenes_conform(spec: SceneSpec) -> None:
 
 
 def scenes(*cities: City) -> PluginHost:
-    """A host whose scene `moon` is built as these cities, one after the other."""
+    """A host. Each build of its scene `moon` returns the next of these cities."""
     left = list(cities)
     offered = [ScenePlugin(name="moon", build=lambda spec: left.pop(0))]
     hook = staticmethod(hookimpl(lambda: offered, specname="lingjing_scenes"))
@@ -123,7 +125,7 @@ def _changed(**changes: object) -> City:
 
 
 @pytest.mark.parametrize(
-    ("city", "said"),
+    ("city", "message"),
     [
         (_changed(bounds=(50.0, -50.0, -50.0, 50.0)), "are no \\(west, south, east, north\\)"),
         (_changed(origin=(120.0, 30.0)), "is no latitude and longitude"),
@@ -140,8 +142,8 @@ def _changed(**changes: object) -> City:
         ),
     ],
 )
-def test_a_city_that_is_none_fails(city: City, said: str) -> None:
-    with pytest.raises(kit.ConformanceError, match=said):
+def test_an_invalid_city_fails(city: City, message: str) -> None:
+    with pytest.raises(kit.ConformanceError, match=message):
         kit.check_scene(SceneSpec(kind="moon"), scenes(city, city))
 
 
@@ -153,12 +155,12 @@ def test_a_city_that_is_none_fails(city: City, said: str) -> None:
         (Water(polygon=tuple((x + 49.0, y) for x, y in WIDE), level_m=0.0), 0.0),
     ],
 )
-def test_a_land_that_is_above_the_water_or_beside_it_passes(water: Water, top_m: float) -> None:
+def test_land_above_the_water_or_beside_it_passes(water: Water, top_m: float) -> None:
     city = _changed(waters=(water,), lands=(Land(polygon=SQUARE, top_m=top_m),))
     kit.check_scene(SceneSpec(kind="moon"), scenes(city, city))
 
 
-def test_a_scene_that_is_built_otherwise_the_second_time_fails() -> None:
+def test_a_scene_that_builds_another_city_the_second_time_fails() -> None:
     kit.check_scene(SceneSpec(kind="moon"), scenes(GOOD, GOOD))
     with pytest.raises(kit.ConformanceError, match="builds another city"):
         kit.check_scene(SceneSpec(kind="moon"), scenes(GOOD, _changed(attribution="x")))
@@ -167,11 +169,11 @@ def test_a_scene_that_is_built_otherwise_the_second_time_fails() -> None:
 # -- kinds.json
 
 
-def test_the_built_in_kinds_are_those_that_are_offered() -> None:
+def test_the_built_in_kinds_are_the_offered_kinds() -> None:
     kit.check_kinds("builtin")
 
 
-def test_kinds_that_nobody_offers_or_describes_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kinds_that_are_not_offered_or_not_described_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     package, info = tmp_path / "acme_kinds", tmp_path / "acme_kinds-1.0.dist-info"
     package.mkdir()
     info.mkdir()
@@ -192,9 +194,9 @@ def test_kinds_that_nobody_offers_or_describes_fail(tmp_path: Path, monkeypatch:
     with pytest.raises(kit.ConformanceError, match="describes engines that `acme` does not offer: rover"):
         kit.check_kinds("acme")
     file.write_text(json.dumps({"scenes": [{"name": "moon", "extent_m": -1, "lacks": ["air"]}]}))
-    with pytest.raises(PluginError) as told:
+    with pytest.raises(PluginError) as caught:
         kit.check_kinds("acme")
-    assert {fault.where for fault in told.value.faults} == {"scenes[0].extent_m", "scenes[0].lacks[0]"}
+    assert {fault.where for fault in caught.value.faults} == {"scenes[0].extent_m", "scenes[0].lacks[0]"}
     kinds._describing.cache_clear()
 
 
@@ -207,7 +209,7 @@ def test_a_name_that_no_entry_point_has_fails() -> None:
     assert caught.value.hint == "did you mean `builtin`?"
 
 
-def test_the_scene_of_ones_own_on_the_page_keeps_its_contract(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_example_scene_of_the_page_conforms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (Path(__file__).parents[2] / "docs" / "scenes.md").read_text("utf-8")
     code, flooded = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     (file,) = re.findall(r"```json\n(.*?)```", page, re.DOTALL)

@@ -37,23 +37,23 @@ def identifiers(tree: ast.AST) -> set[str]:
 
 
 def texts(tree: ast.Module) -> set[str]:
-    """The words of all texts, but for docstrings."""
+    """The words of all string constants, except docstrings."""
     bare = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    found = [
+    strings = [
         node.value
         for node in ast.walk(tree)
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in bare
     ]
-    return {word for text in found for word in re.findall(r"\w+", text)}
+    return {word for text in strings for word in re.findall(r"\w+", text)}
 
 
-def test_there_are_types_and_missions_to_look_for() -> None:
+def test_the_sets_of_shipped_types_and_missions_are_not_empty() -> None:
     assert {"quadrotor", "lifeboat", "person_in_water"} <= shipped_types()
     assert {"ssr", "queue"} <= shipped_missions()
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_no_shipped_type_and_no_mission_is_known(path: Path) -> None:
+def test_the_contract_names_no_shipped_type_and_no_mission(path: Path) -> None:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     known = {name.lower() for name in identifiers(tree) | texts(tree)}
     assert not known & shipped_types()
@@ -61,12 +61,13 @@ def test_no_shipped_type_and_no_mission_is_known(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_what_a_module_exports_is_said_and_is_there(path: Path) -> None:
-    name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-    module = import_module(name)
-    assert module.__all__ == sorted(module.__all__, key=lambda one: (not one.isupper(), not one[0].isupper(), one))
-    missing = [one for one in module.__all__ if not hasattr(module, one) and not (path.parent / f"{one}.py").is_file()]
-    assert [one for one in missing if not (path.parent / one / "__init__.py").is_file()] == []
+def test_the_exports_of_a_module_are_sorted_and_exist(path: Path) -> None:
+    module = import_module(".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"))
+    assert module.__all__ == sorted(module.__all__, key=lambda name: (not name.isupper(), not name[0].isupper(), name))
+    missing = [
+        name for name in module.__all__ if not hasattr(module, name) and not (path.parent / f"{name}.py").is_file()
+    ]
+    assert [name for name in missing if not (path.parent / name / "__init__.py").is_file()] == []
 
 
 def test_the_old_name_of_the_unreachable_links_is_accepted_with_a_warning() -> None:

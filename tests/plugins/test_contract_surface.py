@@ -100,7 +100,7 @@ def rendered(name: str, node: ast.stmt, indent: str) -> Iterator[str]:
             yield f"{indent}{name} from {module}"
 
 
-def test_the_surface_is_the_stored_one(request: pytest.FixtureRequest) -> None:
+def test_the_surface_equals_the_stored_surface(request: pytest.FixtureRequest) -> None:
     current, stored = surface(), STORE.read_text(encoding="utf-8") if STORE.is_file() else ""
     if request.config.getoption("--update"):
         version = stored.partition("\n")[0].removeprefix(HEAD)
@@ -110,10 +110,12 @@ def test_the_surface_is_the_stored_one(request: pytest.FixtureRequest) -> None:
         STORE.parent.mkdir(exist_ok=True)
         STORE.write_text(current, encoding="utf-8")
         return
-    assert current.splitlines() == stored.splitlines(), "another surface needs another version; see this module's text"
+    assert current.splitlines() == stored.splitlines(), (
+        "another surface needs another version; see the docstring of this module"
+    )
 
 
-def test_a_definition_is_rendered_with_all_that_a_caller_can_rely_on() -> None:
+def test_a_definition_is_rendered_with_its_bases_fields_and_signatures() -> None:
     text = '''
 __all__ = ["LIMIT", "Body", "act"]
 LIMIT: float = 3.0

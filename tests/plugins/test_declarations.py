@@ -26,13 +26,13 @@ KINDS = [
 
 
 def offering(hook: str, offered: object) -> PluginHost:
-    """A host with one plug-in, `Stranger`, whose hook returns that."""
+    """A host with the plug-in `Stranger`. Its `hook` returns `offered`."""
     function = staticmethod(hookimpl(lambda: offered, specname=hook))
     return PluginHost(entry_points=False, extra=(type("Stranger", (), {hook: function, "__name__": "Stranger"}),))
 
 
 @pytest.mark.parametrize(("hook", "kind", "maker"), KINDS)
-def test_a_hook_that_returns_something_else_is_named_with_its_plugin(hook: str, kind: type, maker: str) -> None:
+def test_a_hook_that_returns_a_wrong_value_is_named_with_its_plugin(hook: str, kind: type, maker: str) -> None:
     start = f"plug-in `Stranger` failed in {hook}: "
     named = f"{'an' if kind.__name__[0] == 'E' else 'a'} {kind.__name__}"
     wrong = [
@@ -45,10 +45,10 @@ def test_a_hook_that_returns_something_else_is_named_with_its_plugin(hook: str, 
         (None, f"it returned None, and a list of {kind.__name__} is due"),
         ("three", f"it returned the text 'three', and a list of {kind.__name__} is due"),
     ]
-    for offered, said in wrong:
+    for offered, message in wrong:
         with pytest.raises(PluginError) as caught:
             offering(hook, offered)
-        assert str(caught.value) == start + said
+        assert str(caught.value) == start + message
     right = dict if kind is EnginePlugin else len
     assert offering(hook, (kind("right", right),)).sources == {(hook, "right"): "Stranger"}
 
@@ -73,20 +73,22 @@ class _Calling:
         ("lingjing_scenes", ScenePlugin("mine", _two), "(instance, options), and it is called with (spec)"),
     ],
 )
-def test_a_function_with_other_parameters_is_named_with_both_lists(hook: str, declaration: object, takes: str) -> None:
+def test_a_function_with_wrong_parameters_is_reported_with_both_lists(
+    hook: str, declaration: object, takes: str
+) -> None:
     with pytest.raises(PluginError) as caught:
         offering(hook, [declaration])
     assert re.match(f"plug-in `Stranger` failed in {hook}: `(build|factory)` of `mine` takes \\(", str(caught.value))
     assert takes in str(caught.value)
 
 
-def test_functions_that_take_what_they_are_called_with_are_fine() -> None:
+def test_functions_with_matching_parameters_are_accepted() -> None:
     offering("lingjing_policies", [PolicyPlugin("mine", _Calling, options="a:B", calls=True)])
     offering("lingjing_policies", [PolicyPlugin("mine", _one)])
     offering("lingjing_evaluators", [EvaluatorPlugin("mine", lambda instance, options=None: None)])
 
 
-def test_models_are_listed_by_name_with_what_they_cost() -> None:
+def test_models_are_listed_by_name_with_their_prices() -> None:
     models = (
         ModelPlugin("large-1", "react", {"model": "large-1"}, "commercial", 1.25, 10.0),
         ModelPlugin("small-1", "react", tier="open", price_in=0.0, price_out=0.0),
@@ -94,12 +96,12 @@ def test_models_are_listed_by_name_with_what_they_cost() -> None:
     )
     host = offering("lingjing_models", models)
     assert list(host.models) == ["large-1", "other-1", "small-1"]
-    told = {offer.name: offer.notes for offer in offers(host, [])}
-    assert told["large-1"] == "commercial, $1.25 in and $10 out a million tokens"
-    assert (told["small-1"], told["other-1"]) == ("open, free", "open, price unknown")
+    notes = {offer.name: offer.notes for offer in offers(host, [])}
+    assert notes["large-1"] == "commercial, $1.25 in and $10 out a million tokens"
+    assert (notes["small-1"], notes["other-1"]) == ("open, free", "open, price unknown")
 
 
-def test_what_is_no_model_is_named_when_the_models_are_asked_for() -> None:
+def test_a_value_that_is_no_model_is_an_error_when_the_models_are_read() -> None:
     host = offering("lingjing_models", ("large-1",))
     with pytest.raises(PluginError, match=r"failed in lingjing_models: it offers 'large-1', which is no ModelPlugin"):
         host.models  # noqa: B018
@@ -110,14 +112,14 @@ def _fall(spec: SceneSpec) -> object:
 
 
 @pytest.mark.parametrize(
-    ("build", "said"),
+    ("build", "message"),
     [
-        (_fall, "ValueError: no river (tests/plugins/test_declarations.py:109)"),
+        (_fall, "ValueError: no river (tests/plugins/test_declarations.py:111)"),
         (lambda spec: None, "it built None, no City"),
     ],
 )
-def test_a_scene_that_cannot_be_built_is_named(build: object, said: str) -> None:
+def test_a_scene_that_cannot_be_built_is_named(build: object, message: str) -> None:
     host = offering("lingjing_scenes", [ScenePlugin("canyon", build)])  # type: ignore[arg-type]
     with pytest.raises(PluginError) as caught:
         build_city(SceneSpec(kind="canyon", seed=0), host)
-    assert str(caught.value) == f"scene `canyon` of plug-in `Stranger` failed: {said}"
+    assert str(caught.value) == f"scene `canyon` of plug-in `Stranger` failed: {message}"

@@ -1,4 +1,4 @@
-"""Evaluators of plug-ins: what they are given, how several count, and one that is installed beside the project."""
+"""Evaluators of plug-ins: their inputs and options, several evaluators at once, and an installed evaluator."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_an_installed_evaluator_is_listed_and_scores_episodes(
     installed: dict[str, str], mission: Path, tmp_path: Path
 ) -> None:
     listed = json.loads(lingjing(installed, "plugins", "--output-format", "json"))
-    offered = [(one["name"], one["source"]) for one in listed if one["kind"] == "evaluator"]
+    offered = [(offer["name"], offer["source"]) for offer in listed if offer["kind"] == "evaluator"]
     assert offered == [("mission", "builtin"), ("patience", "patience")]
     run = ("run", mission, "--policy", "random", "--no-overview", "--json", "--world", "inline")
     report = json.loads(lingjing(installed, *run, "--evaluator", "patience", "-o", tmp_path / "a"))
@@ -97,7 +97,7 @@ def test_an_installed_evaluator_is_listed_and_scores_episodes(
     assert read_trace(report["trace"]).header.evaluators == ("patience",)
     both = ("--evaluator", "mission", "--evaluator", "patience", "--seeds", "0-1", "-j", "2")
     several = json.loads(lingjing(installed, *run, *both, "-o", tmp_path / "b"))
-    assert [(one["ticks"], one["score"]) for one in several["episodes"]] == [(2, 0.5), (2, 0.5)]
+    assert [(episode["ticks"], episode["score"]) for episode in several["episodes"]] == [(2, 0.5), (2, 0.5)]
 
 
 class _Constant:
@@ -119,7 +119,7 @@ def test_an_episode_that_an_evaluator_ends_without_a_reason_is_no_success(missio
     assert (report.reason, report.ticks, report.score) == ("failure", 1, 0.5)
 
 
-def test_an_unknown_evaluator_is_named_and_two_of_one_name_are_refused(mission: Path, tmp_path: Path) -> None:
+def test_an_unknown_evaluator_and_two_evaluators_of_one_name_are_errors(mission: Path, tmp_path: Path) -> None:
     with Session() as session, pytest.raises(UsageError, match="no evaluator is called `nobody`"):
         session.run(mission, evaluators=["nobody"], world="inline", out=tmp_path / "run")
     with pytest.raises(PluginError, match="`constant` is offered twice by lingjing_evaluators"):
@@ -145,24 +145,24 @@ class _Wait:
         return [EvaluatorPlugin(name="wait", build=build, options=WaitOptions)]
 
 
-def test_an_evaluator_is_told_its_options(mission: Path, tmp_path: Path) -> None:
-    told = {"wait.ticks": "2", "wait.scores": "[0.25, 0.75]"}
-    options = {"policy": "random", "evaluators": ["wait"], "evaluator_args": told, "world": "inline", "overview": False}
+def test_an_evaluator_receives_its_options(mission: Path, tmp_path: Path) -> None:
+    arguments = {"wait.ticks": "2", "wait.scores": "[0.25, 0.75]"}
+    options = {"policy": "random", "evaluators": ["wait"], "world": "inline", "overview": False}
     with Session(PluginHost(extra=(_Wait,))) as session:
-        report = session.run(mission, out=tmp_path / "run", **options)
+        report = session.run(mission, out=tmp_path / "run", evaluator_args=arguments, **options)
     assert (report.reason, report.ticks, report.score) == ("success", 2, 0.75)
     assert read_trace(Path(report.trace)).header.evaluator_options == {"wait": {"ticks": "2", "scores": "[0.25, 0.75]"}}
 
 
-def test_faults_of_evaluators_options_are_told_by_name(mission: Path, tmp_path: Path) -> None:
+def test_faults_in_the_options_of_evaluators_are_reported_by_name(mission: Path, tmp_path: Path) -> None:
     options = {"policy": "random", "world": "inline", "out": tmp_path / "run"}
     with Session(PluginHost(extra=(_Wait,))) as session:
         with pytest.raises(UsageError, match="evaluator `wait`: option `ticks` is missing"):
             session.run(mission, evaluators=["wait"], **options)
-        with pytest.raises(UsageError) as told:
-            given = {"wait.ticks": "12", "wait.tick": 1, "mission.x": 1, "patience.x": 2, "wait.scores": [1, "x"]}
-            session.run(mission, evaluators=["mission", "wait"], evaluator_args=given, **options)
-    said = str(told.value)
+        with pytest.raises(UsageError) as caught:
+            arguments = {"wait.ticks": "12", "wait.tick": 1, "mission.x": 1, "patience.x": 2, "wait.scores": [1, "x"]}
+            session.run(mission, evaluators=["mission", "wait"], evaluator_args=arguments, **options)
+    message = str(caught.value)
     for fault in (
         "evaluators: option `patience.x` names no evaluator that scores and one of its options",
         "evaluator `mission`: option `x` is not known",
@@ -170,12 +170,14 @@ def test_faults_of_evaluators_options_are_told_by_name(mission: Path, tmp_path: 
         "evaluator `wait`: option `tick` is not known; did you mean `ticks`?",
         "evaluator `wait`: option `scores.1` is 'x', a number is due",
     ):
-        assert fault in said
-    assert len(said.splitlines()) == 5
+        assert fault in message
+    assert len(message.splitlines()) == 5
 
 
-def test_the_mission_is_judged_by_the_kernels_own_rules_alone(mission: Path, tmp_path: Path, monkeypatch) -> None:
-    """The evaluator `mission` reads the context that rules are evaluated on, and makes none of its own."""
+def test_the_evaluator_of_the_mission_uses_the_adjudicator_of_the_kernel(
+    mission: Path, tmp_path: Path, monkeypatch
+) -> None:
+    """The evaluator `mission` reads the context of the kernel's rules, and makes no adjudicator of its own."""
     made = []
     monkeypatch.setattr(Adjudicator, "__init__", _counting(Adjudicator.__init__, made))
     lingjing_run(mission, policy="random", world="inline", out=tmp_path / "run", overview=False)
@@ -198,7 +200,7 @@ def _host(build: object, name: object = "boom") -> PluginHost:
 
 
 def _answering(answer: object) -> PluginHost:
-    """A host whose evaluator `boom` answers that at tick 1, or raises it."""
+    """A host with the evaluator `boom`. At tick 1 it returns `answer`, or raises it."""
 
     def evaluate(state: EpisodeState, events: object) -> object:
         if state.tick == 0:
@@ -215,7 +217,7 @@ def _raise(instance: object) -> object:
 
 
 @pytest.mark.parametrize(
-    ("build", "said"),
+    ("build", "message"),
     [
         (_raise, r"evaluator `boom` of plug-in `Wrong` cannot be built: KeyError: 'uav'"),
         (lambda instance: instance(), "evaluator `boom` of plug-in `Wrong` cannot be built: TypeError"),
@@ -223,15 +225,15 @@ def _raise(instance: object) -> object:
     ],
 )
 def test_an_evaluator_that_cannot_be_built_is_named_before_the_episode(
-    build: object, said: str, mission: Path, tmp_path: Path
+    build: object, message: str, mission: Path, tmp_path: Path
 ) -> None:
-    with Session(_host(build)) as session, pytest.raises(PluginError, match=said):
+    with Session(_host(build)) as session, pytest.raises(PluginError, match=message):
         session.run(mission, policy="random", evaluators=["boom"], world="inline", out=tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(
-    ("answer", "said"),
+    ("answer", "message"),
     [
         (RuntimeError("no sight"), "failed at tick 1: RuntimeError: no sight"),
         (None, "returned None at tick 1, no Evaluation"),
@@ -244,17 +246,17 @@ def test_an_evaluator_that_cannot_be_built_is_named_before_the_episode(
         (Evaluation(0.5, True, "bored"), "its reason is 'bored'"),  # type: ignore[arg-type]
     ],
 )
-def test_a_wrong_answer_of_an_evaluator_aborts_the_episode_and_names_it(
-    answer: object, said: str, mission: Path, tmp_path: Path
+def test_a_wrong_result_aborts_the_episode_and_names_the_evaluator(
+    answer: object, message: str, mission: Path, tmp_path: Path
 ) -> None:
     with Session(_answering(answer)) as session:
         options = {"policy": "random", "evaluators": ["boom"], "world": "inline", "overview": False}
         report = session.run(mission, out=tmp_path / "run", **options)
     assert (report.reason, report.ticks, report.score) == ("infrastructure-abort", 0, 0.25)
     assert report.detail.startswith("evaluator `boom` of plug-in `Wrong` ")
-    assert said in report.detail
+    assert message in report.detail
 
 
-def test_an_evaluator_is_named_once(mission: Path, tmp_path: Path) -> None:
+def test_naming_an_evaluator_twice_is_a_usage_error(mission: Path, tmp_path: Path) -> None:
     with Session() as session, pytest.raises(UsageError, match="evaluator `mission` is named twice"):
         session.run(mission, evaluators=["mission", "mission"], world="inline", out=tmp_path / "run")

@@ -95,7 +95,7 @@ def line_of(text: str) -> int:
     return ACME.splitlines().index(text) + 1
 
 
-def test_the_place_is_the_line_of_the_plugins_own_code(acme: Callable[[str], str]) -> None:
+def test_an_error_has_the_file_and_line_of_the_plugins_own_code(acme: Callable[[str], str]) -> None:
     divided = f"acme/deep/work.py:{line_of('    return 1 / 0')}"
     assert acme("divide") == f"ZeroDivisionError: division by zero ({divided})"
     assert acme("read").endswith(f"(acme/deep/work.py:{line_of(READ)})"), "the call of the library"
@@ -107,7 +107,7 @@ def test_a_syntax_error_has_its_own_file_and_line(acme: Callable[[str], str]) ->
     assert acme("load") == "SyntaxError: '(' was never closed (acme/broken.py:1)"
 
 
-def test_an_error_of_this_project_is_its_text_alone(acme: Callable[[str], str]) -> None:
+def test_an_error_of_this_project_is_reported_by_its_text_alone(acme: Callable[[str], str]) -> None:
     assert acme("report") == "no such file"
 
 
@@ -145,7 +145,7 @@ def test_an_engine_that_raises_is_named_with_its_plugin_and_its_line(
     assert report.detail == f"engine `drifter` of plug-in `Ferries` {problem}"
 
 
-def test_a_wrong_reference_to_options_names_the_line_and_the_way_out(acme: Callable[[str], str]) -> None:
+def test_the_error_for_a_wrong_reference_to_options_has_its_cause_and_a_hint(acme: Callable[[str], str]) -> None:
     acme("divide")
     with pytest.raises(PluginError, match=r"`acme.deep.work:Nope`: AttributeError: .*no attribute 'Nope'") as caught:
         declared_model("acme.deep.work:Nope", "engine `drifter`")
@@ -188,7 +188,7 @@ class _NoVersion:
         (_NoVersion, r"lingjing_api_version: ValueError: no number \(.*test_foreign_errors.py:\d+\)", "^$"),
     ],
 )
-def test_a_misused_hook_keeps_its_cause(plugin: type, message: str, hint: str) -> None:
+def test_the_error_of_a_misused_hook_has_its_cause(plugin: type, message: str, hint: str) -> None:
     with pytest.raises(PluginError, match=f"plug-in `{plugin.__name__}` failed in {message}") as caught:
         PluginHost(entry_points=False, extra=(plugin(),))
     assert re.search(hint, caught.value.hint)

@@ -1,4 +1,4 @@
-"""Geometry against itself (round trips) and against numbers worked out by hand."""
+"""Geometry: round trips, and comparisons with numbers computed by hand."""
 
 from math import isclose, radians, tan
 
@@ -30,16 +30,18 @@ def camera(view: str) -> CameraSpec:
 
 
 @given(poses, st.floats(0, 1920), st.floats(0, 1080), st.floats(0.5, 3000))
-def test_pixel_to_world_and_back(pose: CameraPose, u: float, v: float, depth: float) -> None:
-    found = geometry.world_to_pixel(pose, geometry.pixel_to_world(pose, u, v, depth))
-    assert found is not None
-    assert isclose(found[0], u, abs_tol=1e-4)
-    assert isclose(found[1], v, abs_tol=1e-4)
-    assert isclose(found[2], depth, rel_tol=1e-9)
+def test_a_pixel_is_the_same_after_projection_to_the_world_and_back(
+    pose: CameraPose, u: float, v: float, depth: float
+) -> None:
+    pixel = geometry.world_to_pixel(pose, geometry.pixel_to_world(pose, u, v, depth))
+    assert pixel is not None
+    assert isclose(pixel[0], u, abs_tol=1e-4)
+    assert isclose(pixel[1], v, abs_tol=1e-4)
+    assert isclose(pixel[2], depth, rel_tol=1e-9)
 
 
 @given(poses, st.floats(0, 1920), st.floats(0, 1080))
-def test_plane_point_lies_on_the_plane_and_projects_back(pose: CameraPose, u: float, v: float) -> None:
+def test_the_point_of_a_pixel_lies_on_the_plane_and_projects_back(pose: CameraPose, u: float, v: float) -> None:
     point = geometry.pixel_to_plane(pose, u, v, -3.5)
     rise = geometry.pixel_ray(pose, u, v)[2]
     assert (point is None) == (rise >= 0.0)
@@ -50,14 +52,14 @@ def test_plane_point_lies_on_the_plane_and_projects_back(pose: CameraPose, u: fl
 
 
 @given(poses)
-def test_axes_are_orthonormal_and_right_handed(pose: CameraPose) -> None:
+def test_camera_axes_are_orthonormal_and_right_handed(pose: CameraPose) -> None:
     right, down, forward = geometry.camera_axes(pose)
     for a, b, dot in ((right, right, 1), (down, down, 1), (right, down, 0), (right, forward, 0), (down, forward, 0)):
         assert isclose(sum(x * y for x, y in zip(a, b, strict=True)), dot, abs_tol=1e-12)
     assert isclose(right[0] * down[1] - right[1] * down[0], forward[2], abs_tol=1e-12)
 
 
-def test_nadir_image_up_is_the_heading() -> None:
+def test_the_top_of_a_nadir_image_points_along_the_heading() -> None:
     body = BodyState(id="uav[1]", position=(10.0, 20.0, 100.1), heading_deg=90.0, pitch_deg=20.0, roll_deg=-15.0)
     pose = geometry.mounted_camera_pose(body, camera("nadir"), ())
     assert (pose.position, pose.tilt_deg) == ((10.0, 20.0, 100.0), 90.0)
@@ -69,7 +71,7 @@ def test_nadir_image_up_is_the_heading() -> None:
     assert isclose(right[1], 20.0 - HALF)
 
 
-def test_front_looks_along_the_heading_and_a_little_down() -> None:
+def test_the_front_camera_looks_along_the_heading_and_slightly_down() -> None:
     pose = geometry.camera_pose((0.0, 0.0, 50.05), 0.0, camera("front"))
     axis = geometry.camera_axes(pose)[2]
     assert isclose(pose.position[1], 0.30) and isclose(pose.position[2], 50.0)
@@ -84,16 +86,16 @@ def test_positive_roll_lowers_the_right_side() -> None:
     assert right[0] > 0.9 and right[2] < 0.0
 
 
-def test_compass() -> None:
+def test_bearings_turns_and_offsets_follow_the_compass() -> None:
     assert geometry.bearing_deg((12.4, -1351.8), (270.65, -921.5)) == geometry.bearing_deg((0, 0), (258.25, 430.3))
     assert round(geometry.bearing_deg((12.4, -1351.8), (270.65, -921.5))) == 31
-    assert geometry.bearing_deg((0.0, 0.0), (-1e-18, 1.0)) == 0.0, "a hair west of north is no 360"
+    assert geometry.bearing_deg((0.0, 0.0), (-1e-18, 1.0)) == 0.0, "slightly west of north is 0 and not 360"
     assert geometry.turn_deg(350.0, 10.0) == 20.0 and geometry.turn_deg(10.0, 350.0) == -20.0
     east, north = geometry.offset_xy((1.0, 2.0), 270.0, 5.0)
     assert isclose(east, -4.0) and isclose(north, 2.0)
 
 
-def test_behind_and_horizon() -> None:
+def test_points_behind_the_camera_and_pixels_above_the_horizon_are_not_projected() -> None:
     front = geometry.camera_pose((0.0, 0.0, 50.0), 0.0, camera("front"))
     assert geometry.world_to_pixel(front, (0.0, -10.0, 50.0)) is None
     assert geometry.pixel_to_plane(front, 960.0, 0.0, 0.0) is None

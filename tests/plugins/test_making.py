@@ -15,7 +15,7 @@ from lingjing.testing import PluginHost, build_policy
 
 
 class Idle:
-    """A policy that says its own name."""
+    """A policy that returns its own name as its thought."""
 
     def __init__(self, name: str = "idle") -> None:
         self.name = name
@@ -49,7 +49,7 @@ def maker(name: str, **order: bool) -> types.ModuleType:
 
 
 def decorator(name: str) -> types.ModuleType:
-    """A plug-in that puts its name around the thought of every policy."""
+    """A plug-in that wraps the thought of every policy in its own name."""
 
     class Around:
         def __init__(self, policy: Idle) -> None:
@@ -91,7 +91,7 @@ def test_a_maker_that_returns_none_leaves_the_policy_to_the_factory() -> None:
     assert thought(maker("early"), declaration=other) == "other"
 
 
-def test_wrappers_go_around_whatever_makes_the_policy() -> None:
+def test_wrappers_wrap_the_policy_of_any_maker() -> None:
     assert thought(decorator("log"), maker("mine")) == "log(mine)"
     assert thought(decorator("inner"), decorator("outer")) == "outer(inner(idle))"
 

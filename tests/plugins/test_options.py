@@ -47,7 +47,7 @@ class Scout:
     async def act(self, observation, inbox): ...
 
 
-def test_texts_are_read_as_what_they_are_declared_to_be():
+def test_texts_are_converted_to_the_declared_types():
     read = read_options(Flight, {"height": "60", "rounds": "3", "quick": "yes", "place": "pier"}, "policy `scout`")
     assert (read.height_m, read.rounds, read.quick, read.pattern, read.place) == (60.0, 3, True, "lawn", "pier")
 
@@ -64,10 +64,10 @@ def test_the_model_of_parameters_is_built_once() -> None:
     assert model_of_parameters(Unhashable()).model_fields["option_0"].alias == "height"
 
 
-def test_every_fault_is_told_at_once_at_the_options_spelling():
-    given = {"height": "10", "rounds": "often", "pattern": "zigzag", "qiuck": "yes", "names": "a"}
+def test_all_faults_are_reported_together_under_the_names_of_their_options():
+    arguments = {"height": "10", "rounds": "often", "pattern": "zigzag", "qiuck": "yes", "names": "a"}
     with pytest.raises(UsageError) as caught:
-        read_options(Flight, given, "policy `scout`")
+        read_options(Flight, arguments, "policy `scout`")
     assert {fault.where: fault.message for fault in caught.value.faults} == {
         "height": "is '10', at least 20 is due",
         "rounds": "is 'often', a whole number is due",
@@ -80,14 +80,14 @@ def test_every_fault_is_told_at_once_at_the_options_spelling():
     assert caught.value.hint == "`lingjing plugins scout` lists the options"
 
 
-def test_faults_that_name_their_own_way_out_have_no_further_hint():
+def test_faults_that_contain_a_suggestion_have_no_further_hint():
     with pytest.raises(UsageError) as caught:
         read_options(Flight, {"place": "here", "qiuck": "yes"}, "policy `scout`")
     assert str(caught.value) == "policy `scout`: option `qiuck` is not known; did you mean `quick`?"
     assert caught.value.hint == ""
 
 
-def test_the_hint_of_an_error_behind_a_validator_is_the_hint_of_the_fault():
+def test_the_hint_of_the_cause_of_a_validators_error_is_the_hint_of_the_fault():
     class Named(PluginOptions):
         name: str
 
@@ -100,7 +100,7 @@ def test_the_hint_of_an_error_behind_a_validator_is_the_hint_of_the_fault():
         read_options(Named, {"name": "a"}, "thing")
 
 
-def test_an_error_of_a_plugin_behind_a_validator_is_told_as_it_is():
+def test_a_plugin_error_raised_by_a_validator_is_reported_with_its_text_and_hint():
     class Named(PluginOptions):
         name: str
 
@@ -122,13 +122,13 @@ def test_a_nested_fault_has_its_path():
     class Service(PluginOptions):
         retry: Retry = Retry()
 
-    assert [one.where for one in option_faults(Service, {"retry": {"tries": "x", "wait": 1}})] == [
+    assert [fault.where for fault in option_faults(Service, {"retry": {"tries": "x", "wait": 1}})] == [
         "retry.tries",
         "retry.wait",
     ]
 
 
-def test_what_was_given_is_not_repeated_when_it_may_be_a_secret():
+def test_a_value_that_may_be_a_secret_is_not_repeated_in_the_error():
     key = "Zq8vT3kX9-mWn2bLs77RxZq8vT3kX"
     with pytest.raises(UsageError) as caught:
         read_options(Flight, {"rounds": key, "place": "pier"}, "policy `scout`")
@@ -137,7 +137,7 @@ def test_what_was_given_is_not_repeated_when_it_may_be_a_secret():
 
 
 def test_options_are_listed_with_type_bounds_default_and_help():
-    listed = {one.name: one for one in option_specs(Flight)}
+    listed = {spec.name: spec for spec in option_specs(Flight)}
     assert list(listed) == ["height", "rounds", "pattern", "names", "quick", "place"]
     height = listed["height"]
     assert (height.type, height.bounds, height.default, height.help) == (
@@ -151,7 +151,7 @@ def test_options_are_listed_with_type_bounds_default_and_help():
         "list of text",
         "no",
     )
-    assert [one.name for one in listed.values() if one.required] == ["place"]
+    assert [spec.name for spec in listed.values() if spec.required] == ["place"]
 
 
 class Colour(enum.Enum):
@@ -189,31 +189,31 @@ def test_texts_that_an_option_cannot_take_are_read_as_json():
     assert (read.colours, read.names, read.pair) == ([Colour.RED, Colour.BLUE], {"a", "b"}, (3, 4.0))
     assert (read.limits, read.link, read.rounds) == ({"x": 2.0}, Link(host="gpu.local"), 4)
     assert (read.step, read.name, read.either) == (10, "abc", [1, 2])
-    assert read.free == "[1, 2]"  # it takes texts
+    assert read.free == "[1, 2]"  # the option accepts texts
     values = {name: json.loads(text) if text[0] in "[{" or text.isdigit() else text for name, text in texts.items()}
     again = read_options(Wide, {**values, "free": ["x"]}, "policy `scout`")
     assert again == read.model_copy(update={"free": ["x"]})
     assert read_options(Wide, {"link": "null"}, "policy `scout`").link is None
 
 
-def test_faults_within_json_have_their_paths_and_texts_that_are_none_are_told_how():
+def test_faults_within_json_have_paths_and_other_texts_have_a_hint_to_write_json():
     texts = {
         "colours": '["red", "green"]', "names": "a, b", "pair": "[3]", "limits": '{"x": -2}', "link": '{"prt": 1}',
         "rounds": "3", "step": "7", "name": "Long name of it", "either": "x", "free": "x",
     }  # fmt: skip
-    found = {one.where: (one.message, one.hint) for one in option_faults(Wide, texts)}
-    assert found["colours.1"][0] == "is 'green', 'red' or 'blue' is due"
-    assert found["names"] == ("is 'a, b', a list is due", 'write it as JSON: ["a", "b"] or {"a": 1}')
-    assert found["pair.1"][0] == "is missing" and found["limits.x"][0] == "is -2, more than 0 is due"
-    assert found["link.host"][0] == "is missing" and "link.prt" in found
-    assert found["rounds"][0] == "is '3', 1, 2 or 4 is due" and "multiple of 5" in found["step"][0]
-    assert "at most 8" in found["name"][0]
-    assert found["either"][0] == "is 'x', a whole number or a list is due"
-    assert "free" not in found and len(found) == 10
+    faults = {fault.where: (fault.message, fault.hint) for fault in option_faults(Wide, texts)}
+    assert faults["colours.1"][0] == "is 'green', 'red' or 'blue' is due"
+    assert faults["names"] == ("is 'a, b', a list is due", 'write it as JSON: ["a", "b"] or {"a": 1}')
+    assert faults["pair.1"][0] == "is missing" and faults["limits.x"][0] == "is -2, more than 0 is due"
+    assert faults["link.host"][0] == "is missing" and "link.prt" in faults
+    assert faults["rounds"][0] == "is '3', 1, 2 or 4 is due" and "multiple of 5" in faults["step"][0]
+    assert "at most 8" in faults["name"][0]
+    assert faults["either"][0] == "is 'x', a whole number or a list is due"
+    assert "free" not in faults and len(faults) == 10
 
 
 def test_every_bound_is_listed():
-    listed = {one.name: (one.type, one.bounds) for one in option_specs(Wide)}
+    listed = {spec.name: (spec.type, spec.bounds) for spec in option_specs(Wide)}
     assert listed == {
         "colours": ("list of word", "1 or more, 4 at most, each red, blue"),
         "names": ("set of text", ""),
@@ -228,14 +228,14 @@ def test_every_bound_is_listed():
     }
 
 
-def test_a_model_within_itself_is_listed():
+def test_a_recursive_model_is_listed():
     class Tree(PluginOptions):
         below: list[Tree] = []
 
-    assert [one.type for one in option_specs(Tree)] == ["list of object (below: list of object)"]
+    assert [spec.type for spec in option_specs(Tree)] == ["list of object (below: list of object)"]
 
 
-def test_what_json_schema_cannot_express_is_listed_as_any(recwarn):
+def test_types_that_json_schema_cannot_express_are_listed_as_any(recwarn):
     class Callback(PluginOptions):
         f: Callable[[], int]
         g: Callable[[], int] = lambda: 1
@@ -243,16 +243,20 @@ def test_what_json_schema_cannot_express_is_listed_as_any(recwarn):
 
     def made(clock: Scout, wait: object = Scout): ...
 
-    listed = {one.name: one for one in option_specs(Callback)}
-    assert [(one.type, one.required) for one in listed.values()] == [("any", True), ("any", False), ("number", False)]
-    assert [(one.name, one.type) for one in option_specs(model_of_parameters(made))] == [
+    listed = {spec.name: spec for spec in option_specs(Callback)}
+    assert [(spec.type, spec.required) for spec in listed.values()] == [
+        ("any", True),
+        ("any", False),
+        ("number", False),
+    ]
+    assert [(spec.name, spec.type) for spec in option_specs(model_of_parameters(made))] == [
         ("clock", "any"),
         ("wait", "any"),
     ]
     assert not recwarn.list
 
 
-def test_a_validator_that_breaks_is_a_fault_of_its_option():
+def test_an_exception_in_a_validator_is_a_fault_of_its_option():
     class Share(PluginOptions):
         rounds: int = 1
         parts: int = 1
@@ -265,10 +269,10 @@ def test_a_validator_that_breaks_is_a_fault_of_its_option():
     with pytest.raises(UsageError, match=r"policy `scout`: option `parts` cannot be checked: its validator") as caught:
         read_options(Share, {"rounds": "2", "parts": "0"}, "policy `scout`")
     assert "ZeroDivisionError at test_options.py:" in str(caught.value)
-    assert [one.where for one in option_faults(Share, {"parts": "0", "rounds": "x"})] == ["parts"]
+    assert [fault.where for fault in option_faults(Share, {"parts": "0", "rounds": "x"})] == ["parts"]
 
 
-def test_an_option_is_given_by_the_alias_that_it_is_listed_under():
+def test_an_option_is_listed_and_set_by_its_aliases():
     class Aliased(PluginOptions):
         key_file: str = Field("", validation_alias="key-file")
         wait: int = Field(1, validation_alias=AliasChoices("pause", "wait-s"))
@@ -276,12 +280,12 @@ def test_an_option_is_given_by_the_alias_that_it_is_listed_under():
     class Made(Scout):
         options = Aliased
 
-    assert [one.name for one in option_specs(Aliased)] == ["key-file", "pause"]
-    given = {"key-file": "x", "wait-s": "2"}
-    assert share_arguments({"made": policy_of(Made, "made")}, given) == {"made": given}
+    assert [spec.name for spec in option_specs(Aliased)] == ["key-file", "pause"]
+    arguments = {"key-file": "x", "wait-s": "2"}
+    assert share_arguments({"made": policy_of(Made, "made")}, arguments) == {"made": arguments}
 
 
-def test_a_model_is_found_by_its_name_when_it_is_needed():
+def test_a_model_of_options_is_loaded_by_its_name():
     assert declared_model(f"{__name__}:Flight", "policy `scout`") is Flight
     assert declared_model(None, "policy `scout`") is None
     with pytest.raises(PluginError, match=r"options of policy `scout` cannot be loaded from `no_such_module:Flight`"):
@@ -290,7 +294,7 @@ def test_a_model_is_found_by_its_name_when_it_is_needed():
         declared_model(f"{__name__}:Scout", "policy `scout`")
 
 
-def test_a_model_whose_types_are_unknown_is_its_authors_mistake():
+def test_a_model_with_an_unknown_type_is_a_plugin_error():
     class Torn(PluginOptions):
         height: Unheard  # noqa: F821
 
@@ -308,14 +312,14 @@ def test_parameters_are_options_where_no_model_is_declared():
     assert [fault.where for fault in option_faults(model, {"height": "3", "speed": "5"})] == ["height"]
 
 
-def test_a_class_says_by_attribute_which_model_it_takes():
+def test_the_attribute_options_of_a_class_declares_its_model():
     plugin = policy_of(Scout, "scout")
     policy = build_policy(plugin, {"place": "pier", "height": "100"})
     assert isinstance(policy, Scout)
     assert policy.flight.height_m == 100.0
 
 
-def test_the_faults_of_several_policies_are_told_together():
+def test_the_faults_of_several_policies_are_reported_together():
     def other(gamma: int = 1): ...
 
     plugins = {"scout": policy_of(Scout, "scout"), "other": policy_of(other, "other")}
@@ -342,14 +346,14 @@ class _Engines:
         ]
 
 
-def test_what_engines_are_told_is_shared_among_them():
+def test_engine_options_are_assigned_by_their_prefix():
     host = PluginHost(entry_points=False, extra=[_Engines()])
-    given = {"bridge.host": "gpu.local", "bridge.port": "5000"}
-    assert engine_options(given, host) == {"bridge": {"host": "gpu.local", "port": "5000"}}
+    arguments = {"bridge.host": "gpu.local", "bridge.port": "5000"}
+    assert engine_options(arguments, host) == {"bridge": {"host": "gpu.local", "port": "5000"}}
     assert engine_options({}, host) == {}
 
 
-def test_an_engine_that_takes_part_must_be_given_what_it_requires():
+def test_a_missing_required_option_is_an_error_only_for_an_engine_in_use():
     class Engines:
         @hookimpl
         def lingjing_engines(self):
@@ -361,7 +365,7 @@ def test_an_engine_that_takes_part_must_be_given_what_it_requires():
         engine_options({}, host, used=["far"])
 
 
-def test_every_fault_of_what_engines_are_told_is_told_at_once():
+def test_all_faults_in_engine_options_are_reported_together():
     host = PluginHost(entry_points=False, extra=[_Engines()])
     with pytest.raises(UsageError) as caught:
         engine_options(

@@ -31,7 +31,7 @@ def host(monkeypatch: pytest.MonkeyPatch) -> PluginHost:
     return PluginHost(entry_points=False, extra=(module,))
 
 
-def test_the_plugin_of_the_page_offers_what_the_page_says(host: PluginHost) -> None:
+def test_the_plugin_of_the_page_offers_the_described_parts(host: PluginHost) -> None:
     assert [*host.policies, *host.evaluators, *host.scenes] == ["waiting", "patience", "field"]
     assert [*host.models, *host.detectors] == ["mine-7b", "nowhere"]
     policy = host.policy("waiting").factory()
@@ -48,7 +48,7 @@ def test_the_page_names_every_hook_and_the_version() -> None:
     assert {name for name in hookspecs.__all__ if name.startswith("lingjing_")} == every
 
 
-def test_the_path_length_of_the_page_is_that_of_the_trace(tmp_path: Path) -> None:
+def test_the_path_length_example_of_the_page_agrees_with_the_trace(tmp_path: Path) -> None:
     _, code, _ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     page, ferry = ModuleType("page_path"), ModuleType("page_ferry")
     exec(compile(code, "docs/plugins.md", "exec"), page.__dict__)
@@ -72,14 +72,14 @@ def test_the_wrapper_of_the_page_wraps_a_policy(capsys: pytest.CaptureFixture[st
     assert re.fullmatch(r"pilot tick 0: \d+\.\d+ s\n", capsys.readouterr().out)
 
 
-def test_each_kind_of_the_page_can_be_begun() -> None:
-    begun = set(re.findall(r"`lingjing new (\w+) NAME`", PAGE))
-    assert begun - {"KIND"} == set(KINDS)
+def test_lingjing_new_supports_each_kind_of_the_page() -> None:
+    kinds = set(re.findall(r"`lingjing new (\w+) NAME`", PAGE))
+    assert kinds - {"KIND"} == set(KINDS)
     checks = set(re.findall(r"`(check_\w+)`", PAGE))
     assert checks <= set(conformance.__all__)
 
 
-def test_the_page_of_engines_names_each_member_that_a_fleet_leaves_open() -> None:
+def test_the_page_of_engines_names_each_member_that_a_fleet_engine_defines() -> None:
     page = (Path(__file__).parents[2] / "docs" / "engines.md").read_text(encoding="utf-8")
     section = page.partition("## An engine of your own")[2].partition("\n## ")[0]
     named = set(re.findall(r"^\| `(\w+)", section, re.MULTILINE))

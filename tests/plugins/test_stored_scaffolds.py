@@ -1,5 +1,5 @@
-"""Plug-ins and policies of earlier versions of the contract: stored copies of what `lingjing new` wrote go on working,
-and one that is written for another version is named with what to do."""
+"""Plug-ins and policies of earlier versions of the contract: stored copies of the output of `lingjing new` still work,
+and the message about a plug-in for another version has a hint."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PIP = ("-m", "pip", "--disable-pip-version-check", "install", "-q", "--no-deps",
 
 
 def call(*command: object, cwd: Path, site: Path | None = None, code: int = 0) -> tuple[str, str]:
-    """Run Python with arguments; standard output and error."""
+    """Run Python with arguments. Return standard output and error."""
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     if site is not None:
         env["PYTHONPATH"] = str(site)
@@ -67,18 +67,18 @@ def test_a_policy_of_version_1_0_plays(tmp_path: Path) -> None:
     run = (*LINGJING, "run", "ssr.ljs", "--policy", "./scout.py:Scout", "--world", "inline", "--no-overview", "--json")
     out, _ = call(*run, "-o", "out", cwd=tmp_path)
     assert json.loads(out)["ticks"] == 12
-    decisions = [one for record in read_trace(tmp_path / "out" / "trace.mcap").boundaries for one in record.decisions]
+    decisions = [made for record in read_trace(tmp_path / "out" / "trace.mcap").boundaries for made in record.decisions]
     assert decisions
-    assert [one.detail for one in decisions if one.substituted] == []
+    assert [made.detail for made in decisions if made.substituted] == []
 
 
-def test_a_plugin_for_another_version_is_named_and_the_rest_plays_on(package: Path, site: Path, tmp_path: Path) -> None:
+def test_a_plugin_for_another_version_is_left_out_with_a_message(package: Path, site: Path, tmp_path: Path) -> None:
     plugin = site / "lingjing_hovercraft" / "plugin.py"
     sound = plugin.read_text(encoding="utf-8")
     plugin.write_text(f'{sound}\n\n@hookimpl\ndef lingjing_api_version() -> str:\n    return "2.0"\n', encoding="utf-8")
     try:
         out, listed = call(*LINGJING, "plugins", cwd=tmp_path, site=site, code=2)
-        _, said = call(
+        _, message = call(
             *LINGJING, "run", package / "missions" / "tour.ljs", "--policy", "hovercraft", cwd=tmp_path, site=site,
             code=2,
         )  # fmt: skip
@@ -87,7 +87,7 @@ def test_a_plugin_for_another_version_is_named_and_the_rest_plays_on(package: Pa
     reason = f"it is written for version 2.0 of the contract and this is {API_VERSION}"
     assert f"{reason}\nhint: install a newer lingjing-sim\n" in listed
     assert "oracle" in out
-    assert f"{reason}; it is left out\nhint: install a newer lingjing-sim\n" in said
+    assert f"{reason}; it is left out\nhint: install a newer lingjing-sim\n" in message
 
 
 def hosted(version: object) -> PluginHost:
@@ -97,7 +97,7 @@ def hosted(version: object) -> PluginHost:
     return PluginHost(entry_points=False, extra=(plugin,))
 
 
-def test_a_version_is_for_later_minor_versions_of_the_same_major(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_version_is_compatible_with_later_minor_versions_of_the_same_major(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lingjing.plugins.contract.API_VERSION", "2.3")
     assert [version_fault(version) for version in ("2.0", "2.3")] == ["", ""]
     assert version_fault("2.4").endswith("this is 2.3: install a newer lingjing-sim")
@@ -106,10 +106,10 @@ def test_a_version_is_for_later_minor_versions_of_the_same_major(monkeypatch: py
 
 
 @pytest.mark.parametrize("version", ["", "1", "1.0.0", "one", 1.0, None, "1.\u0660", "9" * 9 + ".0"])
-def test_a_version_that_is_none_is_named(version: object) -> None:
+def test_an_invalid_version_is_an_error(version: object) -> None:
     with pytest.raises(PluginError, match=r"plug-in `Stranger`: it names .* as the version of the contract"):
         hosted(version)
 
 
-def test_the_own_version_is_accepted() -> None:
+def test_the_current_version_is_accepted() -> None:
     hosted(API_VERSION)

@@ -1,4 +1,4 @@
-"""A package of types that the project does not know: its bodies are drawn, rendered, carry cameras and collide."""
+"""A package of types of another author: its bodies are drawn, rendered, carry cameras and collide."""
 
 from __future__ import annotations
 
@@ -80,9 +80,9 @@ def strange(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Mission:
     (info / "entry_points.txt").write_text("[lingjing.std]\nacme = acme_types\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "acme_types", raising=False)
-    found = compile_text(MISSION)
-    assert found.mission is not None, [item.message for item in found.diagnostics]
-    return found.mission
+    result = compile_text(MISSION)
+    assert result.mission is not None, [item.message for item in result.diagnostics]
+    return result.mission
 
 
 @pytest.fixture
@@ -90,13 +90,13 @@ def instance(strange: Mission) -> Instance:
     return instantiate(strange, seed=1)
 
 
-def test_mission_and_instance_carry_the_body(strange: Mission, instance: Instance) -> None:
-    balloon = next(one for one in instance.entities if one.id == "balloon")
-    assert "look" not in balloon.properties, "another body than its base's does not look like it"
+def test_mission_and_instance_contain_the_declared_bodies(strange: Mission, instance: Instance) -> None:
+    balloon = next(entity for entity in instance.entities if entity.id == "balloon")
+    assert "look" not in balloon.properties, "a body that differs from its base's does not have its look"
     assert (balloon.properties["length_m"], balloon.properties["origin"]) == (6.0, "middle")
     mounts = {mount.view: mount for mount in balloon.mounts}
     assert mounts["front"].ahead_m == 3.2 and mounts["nadir"].above_m == -0.1
-    rig = next(one for one in instance.entities if one.id == "rig")
+    rig = next(entity for entity in instance.entities if entity.id == "rig")
     assert [(part.name, part.shape, part.colour) for part in rig.parts] == [
         ("deck", "box", "yellow"),
         ("mast", "cylinder", "blue"),
@@ -104,8 +104,7 @@ def test_mission_and_instance_carry_the_body(strange: Mission, instance: Instanc
     assert msgspec.json.decode(msgspec.json.encode(strange), type=Mission) == strange
 
 
-def test_agents_are_not_told_what_engines_alone_need(instance: Instance) -> None:
-
+def test_the_brief_of_an_agent_omits_properties_that_only_engines_need(instance: Instance) -> None:
     brief = brief_of(instance, instance.agents[0].id)
     (balloon,) = brief.resources
     assert balloon.id == "balloon" and not {"length_m", "colour", "shape"} & balloon.properties.keys()
@@ -136,35 +135,35 @@ def test_a_balloon_of_six_metres_is_drawn_six_metres_large_in_its_colour(instanc
 
 
 @pytest.mark.parametrize("entity", ["balloon", "rig", "kiosk"])
-def test_a_strangers_types_pass_the_conformance_kit(strange: Mission, entity: str) -> None:
+def test_the_types_of_a_foreign_package_pass_the_conformance_kit(strange: Mission, entity: str) -> None:
     check_body(strange, entity)
 
 
-def test_what_is_nothing_to_be_seen_fails_it(strange: Mission, instance: Instance) -> None:
-    smell = next(one for one in instance.entities if one.id == "smell")
+def test_an_invisible_body_fails_the_conformance_kit(strange: Mission, instance: Instance) -> None:
+    smell = next(entity for entity in instance.entities if entity.id == "smell")
     assert solid_size(smell) is None
     with pytest.raises(ConformanceError, match=r"is_seen: no picture from .* shows `smell`"):
         check_body(strange, "smell")
 
 
-def test_the_kit_finds_a_body_of_another_size_than_it_says(instance: Instance) -> None:
-    rig = next(one for one in instance.entities if one.id == "rig")
+def test_the_kit_detects_a_body_that_is_drawn_larger_than_declared(instance: Instance) -> None:
+    rig = next(entity for entity in instance.entities if entity.id == "rig")
     city = city_of(instance.scene)
     parts = tuple(msgspec.structs.replace(part, height_m=9.0) for part in rig.parts)
     tall = msgspec.structs.replace(rig, parts=parts)
-    entities = tuple(tall if one.id == "rig" else one for one in instance.entities)
+    entities = tuple(tall if entity.id == "rig" else entity for entity in instance.entities)
     with pytest.raises(ConformanceError, match=r"`rig` is drawn .* m high, its measures allow 1\.0 m"):
         check_is_seen(BodyCase(msgspec.structs.replace(instance, entities=entities), city, tall))
 
 
-def test_nobody_collides_with_a_shape_of_none(instance: Instance) -> None:
-    kiosk = next(one for one in instance.entities if one.id == "kiosk")
+def test_a_body_of_shape_none_has_no_collisions(instance: Instance) -> None:
+    kiosk = next(entity for entity in instance.entities if entity.id == "kiosk")
     ghost = msgspec.structs.replace(kiosk, properties={**kiosk.properties, "shape": "none"})
     assert solid_size(ghost) is None and solid_size(kiosk) is not None
     check_can_be_hit(BodyCase(instance, city_of(instance.scene), ghost))
 
 
-def test_a_sphere_is_not_hit_beside_where_its_box_would_be(instance: Instance) -> None:
+def test_a_sphere_is_not_hit_in_the_corners_of_its_bounding_box(instance: Instance) -> None:
     from lingjing.engines.neighbours import Neighbours
 
     around = Neighbours(instance)

@@ -37,7 +37,7 @@ def test_the_tests_of_the_page_are_short() -> None:
     assert all(len(body.strip().splitlines()) <= 10 for body in re.split(r"^def test_", CODE, flags=re.MULTILINE)[1:])
 
 
-def test_its_tests_notice_a_wrong_engine_evaluator_and_policy(tmp_path: Path) -> None:
+def test_the_tests_of_the_page_detect_a_wrong_engine_evaluator_and_policy(tmp_path: Path) -> None:
     faults = {"x + step_m, y": "x - step_m, y", "/ 20.0": "/ 60.0", "observation.tick == 0": "observation.tick == 9"}
     for number, (right, wrong) in enumerate(faults.items()):
         folder = tmp_path / str(number)
@@ -46,7 +46,7 @@ def test_its_tests_notice_a_wrong_engine_evaluator_and_policy(tmp_path: Path) ->
         assert [result for result in results(CODE.replace(right, wrong), folder) if result.startswith("FAILED")]
 
 
-def test_the_table_names_what_is_exported() -> None:
+def test_the_table_names_the_exported_functions() -> None:
     section = PAGE.partition("## What there is\n")[2].partition("\n## ")[0]
     table = "\n".join(line for line in section.splitlines() if line.startswith("| `"))
     named = {word for code in re.findall(r"`([^`]+)`", table) for word in re.findall(r"^(\w+)", code)}
