@@ -41,7 +41,7 @@ class Variant(NamedTuple):
     changes: tuple[tuple[str, str], ...] = ()
     added: str = ""
     code: str = ""
-    """The diagnostic code of an impossible one."""
+    """The diagnostic code of an impossible variant."""
 
     @property
     def text(self) -> str:

@@ -25,7 +25,7 @@ def bounds(of: ConditionList) -> dict[str, tuple[float | None, float | None]]:
     return {q.key: (q.least, q.most) for q in quantities if (q.least, q.most) != (None, None)}
 
 
-def test_time_ends_with_the_budget_and_amounts_stay_within_what_interactions_permit() -> None:
+def test_time_is_bounded_by_the_budget_and_amounts_by_their_interactions() -> None:
     assert bounds(listed("cr"))["now"] == (0.0, 1200.0)
     cargo = bounds(listed("cd"))
     assert cargo["point.demand_kg"] == (0.0, 250.0), "drawn, and lowered to nothing by deliveries"
@@ -57,7 +57,7 @@ def test_a_radius_is_a_number_at_the_default_settings() -> None:
     assert radii == {"distance_xy(van, s) <= 30 m": 30.0, "distance_xy(dog, house) <= 40 m": 40.0}
 
 
-def test_declassifications_stand_with_the_conditions_that_leak() -> None:
+def test_declassifications_are_listed_with_the_conditions_that_leak() -> None:
     declassified = {c.at: tuple(c.declassified) for c in listed("vdn").conditions if c.declassified}
     assert declassified == {
         "success": ("end",),
@@ -68,7 +68,7 @@ def test_declassifications_stand_with_the_conditions_that_leak() -> None:
 
 
 @pytest.mark.parametrize("name", NINE)
-def test_the_list_is_the_survey_with_bounds(name: str) -> None:
+def test_the_list_has_the_conditions_of_the_survey_and_a_mode_only_narrows_bounds(name: str) -> None:
     mission = lingjing.compile(str(mission_file(name)))
     whole = list_conditions(mission)
     survey = survey_mission(mission)
@@ -81,7 +81,7 @@ def test_the_list_is_the_survey_with_bounds(name: str) -> None:
             assert high is None or (most is not None and most <= high)
 
 
-def test_a_mission_too_large_for_bounds_has_its_list_without_them() -> None:
+def test_the_list_of_a_mission_that_is_too_large_has_no_computed_bounds() -> None:
     large = YARD.replace("CONDITION", "now > 20 s").replace("target victim :", "target victim[1..400] :")
     assert bounds(list_conditions(compiled(large))) == {"now": (0.0, None)}
 

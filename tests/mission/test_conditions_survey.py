@@ -41,7 +41,7 @@ def test_a_leaf_has_the_quantities_of_both_sides_and_their_causes(ssr: Survey) -
     assert victim.causes == (Cause(kind="engine", name="city"),), "a person in the water drifts"
 
 
-def test_a_condition_has_the_leaves_of_the_rules_that_it_calls_once_each(ssr: Survey) -> None:
+def test_a_condition_lists_each_leaf_of_the_rules_that_it_calls_once(ssr: Survey) -> None:
     success = condition(ssr, "success")
     ways = {leaf.via for leaf in success.leaves}
     assert ways == {(), ("rescued",), ("rescued", "reported"), ("rescued", "reported", "matched")}
@@ -57,14 +57,14 @@ def test_an_event_is_caused_by_the_interaction_and_its_actors(ssr: Survey) -> No
     ]
 
 
-def test_a_state_is_changed_by_the_interactions_that_move_it() -> None:
+def test_the_causes_of_a_state_are_the_interactions_that_change_it() -> None:
     cd = survey_mission(lingjing.compile(str(mission_file("cd"))))
     (demand,) = condition(cd, "unlock/deliver").leaves[1].quantities
     assert demand.key == "point.demand_kg"
     assert demand.causes == (Cause(kind="interaction", name="deliver", by=("van",)),)
 
 
-def test_gates_name_what_each_condition_decides() -> None:
+def test_gates_name_the_outcome_command_interaction_or_event_of_each_condition() -> None:
     upr = survey_mission(lingjing.compile(str(mission_file("upr"))))
     gates = {condition.at: condition.gates for condition in upr.conditions}
     assert gates["success"] == (Gate(kind="end"),)
@@ -73,7 +73,7 @@ def test_gates_name_what_each_condition_decides() -> None:
     assert gates["rule/sealed"] == (Gate(kind="event", name="sealed"),)
 
 
-def test_the_shipped_conditions_that_depend_on_hidden_values_and_gate_commands_are_known() -> None:
+def test_one_permit_of_the_shipped_missions_depends_on_hidden_values() -> None:
     paths_of = {
         name: [c.at for c in survey_mission(lingjing.compile(str(mission_file(name)))).of_kind("permit") if c.hidden]
         for name in NINE
@@ -82,7 +82,7 @@ def test_the_shipped_conditions_that_depend_on_hidden_values_and_gate_commands_a
 
 
 @pytest.mark.parametrize("name", NINE)
-def test_an_instance_and_its_mission_agree(name: str) -> None:
+def test_the_survey_of_an_instance_agrees_with_that_of_its_mission(name: str) -> None:
     mission = at_tier(lingjing.compile(str(mission_file(name))))
     for mode in mission.modes.allowed:
         of = survey_instance(instantiate(mission, seed=1, mode=mode))
@@ -112,7 +112,7 @@ def test_an_instance_and_its_mission_agree(name: str) -> None:
         ("exists r in detection: iou(r.box, truth(victim, r.frame).box) > 0.5", True),
     ],
 )
-def test_a_hidden_value_taints_the_condition_whatever_way_it_enters(text: str, hidden: bool) -> None:
+def test_a_hidden_value_taints_the_condition_in_every_form_of_expression(text: str, hidden: bool) -> None:
     of = survey(YARD.replace("CONDITION", text))
     unlock = condition(of, "unlock/open")
     assert unlock.hidden is hidden

@@ -15,7 +15,7 @@ from lingjing.testing import declarations as m
 ROOT = Path(__file__).resolve().parents[2]
 
 schemas = functools.cache(document.schemas)
-"""The schemas, made once: it takes a quarter of a second."""
+"""The schemas, generated once, because that takes a quarter of a second."""
 
 
 def test_missions_round_trip(ssr: m.Mission) -> None:
@@ -26,13 +26,13 @@ def test_missions_round_trip(ssr: m.Mission) -> None:
 
 
 @pytest.mark.parametrize("name", schemas())
-def test_schemas_are_those_of_the_code(name: str) -> None:
+def test_committed_schemas_match_the_code(name: str) -> None:
     committed = (ROOT / "schemas" / name).read_bytes()
     assert committed == schemas()[name], "run `python -m lingjing.mission.document`"
 
 
 @pytest.mark.parametrize("name", schemas())
-def test_schemas_are_schemas(name: str) -> None:
+def test_schemas_are_valid_json_schemas(name: str) -> None:
     jsonschema.Draft202012Validator.check_schema(msgspec.json.decode(schemas()[name]))
 
 
@@ -45,15 +45,15 @@ def nested(value: object) -> Iterator[dict[str, object]]:
 
 
 @pytest.mark.parametrize("name", schemas())
-def test_strict_validators_take_them(name: str) -> None:
-    """They refuse words of OpenAPI, and alternatives that require what they do not declare."""
+def test_strict_validators_accept_the_schemas(name: str) -> None:
+    """Strict validators refuse keywords of OpenAPI, and alternatives that require a field that they do not declare."""
     for part in nested(msgspec.json.decode(schemas()[name])):
         assert "discriminator" not in part
         if isinstance(required := part.get("required"), list):
             assert set(required) <= set(part["properties"])
 
 
-def test_mission_json_is_valid_and_the_schema_refuses_what_the_reader_refuses(ssr: m.Mission) -> None:
+def test_mission_json_is_valid_and_the_schema_rejects_unknown_and_mistyped_fields(ssr: m.Mission) -> None:
     validator = jsonschema.Draft202012Validator(msgspec.json.decode(schemas()["mission.schema.json"]))
     value = msgspec.json.decode(document.encode(ssr))
     validator.validate(value)
@@ -78,7 +78,7 @@ def test_the_document_has_derived_parts_that_are_never_read_back(ssr: m.Mission)
         assert document.encode(again) == document.encode(ssr)
 
 
-def test_a_derived_part_of_another_form_is_refused_with_its_path(ssr: m.Mission) -> None:
+def test_a_malformed_derived_part_is_refused_with_its_path(ssr: m.Mission) -> None:
     value = msgspec.json.decode(document.encode(ssr))
     value["conditions"][0]["kind"] = "wish"
     with pytest.raises(MissionError, match=r"conditions\[0\]"):
@@ -104,7 +104,7 @@ def test_main_writes_the_schemas(tmp_path: Path) -> None:
         ('{"name": NaN}', MissionError, "$.name: is NaN"),
     ],
 )
-def test_unreadable_documents_end_in_one_message(text: str, error: type[LingjingError], words: str) -> None:
+def test_unreadable_documents_give_one_error_message(text: str, error: type[LingjingError], words: str) -> None:
     with pytest.raises(error) as caught:
         document.decode(text, "m.json")
     assert words in str(caught.value) and caught.value.hint
@@ -116,7 +116,7 @@ def test_a_wrong_field_is_named_by_its_path(ssr: m.Mission) -> None:
         document.decode(text, "m.json")
 
 
-def test_read_tells_a_mission_from_a_reset_scenario(ssr: m.Mission) -> None:
+def test_read_distinguishes_a_mission_from_a_reset_scenario(ssr: m.Mission) -> None:
     templates = {"ssr": ssr}.__getitem__
     assert document.read(document.encode(ssr), "m.json", templates) == (ssr, ())
     listing = (ROOT / "scenarios" / "reset" / "ssr-001.json").read_text(encoding="utf-8")
@@ -130,7 +130,7 @@ def test_read_tells_a_mission_from_a_reset_scenario(ssr: m.Mission) -> None:
     ("version", "way"),
     [("1", "compile it again from its .ljs file"), ("3", "install a newer"), ("12", "install a newer")],
 )
-def test_a_mission_of_another_version_is_named_with_what_to_do(ssr: m.Mission, version: str, way: str) -> None:
+def test_a_mission_of_another_version_is_refused_with_a_remedy(ssr: m.Mission, version: str, way: str) -> None:
     text = document.encode(ssr).replace(document.FORMAT, f"lingjing-mission/{version}").replace('"goal"', '"aim"')
     with pytest.raises(MissionError) as caught:
         document.decode(text, "old.json")
@@ -140,7 +140,7 @@ def test_a_mission_of_another_version_is_named_with_what_to_do(ssr: m.Mission, v
     assert [fault.where for fault in caught.value.faults] == ["format"]
 
 
-def test_a_mission_that_names_no_version_has_all_its_faults_named(ssr: m.Mission) -> None:
+def test_an_unknown_format_name_is_reported_with_the_expected_name(ssr: m.Mission) -> None:
     text = document.encode(ssr).replace(document.FORMAT, "lingjing-mission/two")
     with pytest.raises(MissionError, match="format: lingjing-mission/2 is due"):
         document.decode(text, "odd.json")

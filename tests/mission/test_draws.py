@@ -37,7 +37,7 @@ def test_sites_lie_in_the_region_and_apart(seed: int, count: int, apart: float, 
 
 
 @given(SEEDS, st.integers(1, 7), st.floats(0.0, 100.0))
-def test_fewer_sites_are_the_first_of_more(seed: int, count: int, apart: float) -> None:
+def test_fewer_sites_are_a_prefix_of_more_sites(seed: int, count: int, apart: float) -> None:
     more, anew = sites(FIELD, apart, seed=seed, path="p", count=count + 1)
     assert anew or sites(FIELD, apart, seed=seed, path="p", count=count)[0] == more[:count]
 
@@ -53,7 +53,7 @@ TIGHT = {
 
 
 @pytest.mark.parametrize("distribution", TIGHT)
-def test_a_group_that_is_drawn_anew_says_so_and_any_other_begins_with_the_smaller_one(distribution: str) -> None:
+def test_a_larger_group_extends_the_smaller_one_or_is_marked_as_drawn_anew(distribution: str) -> None:
     changed = redrawn = 0
     for seed in range(60):
         groups = [_drawn(TIGHT[distribution], seed, count) for count in (1, 2, 3)]
@@ -75,7 +75,7 @@ def _drawn(expr: ex.Draw, seed: int, count: int) -> Drawn | None:
 
 
 @given(SEEDS, st.sampled_from(["uniform", "normal", "choice", "subset"]), st.integers(1, 5))
-def test_fewer_values_are_the_first_of_more(seed: int, distribution: str, count: int) -> None:
+def test_fewer_values_are_a_prefix_of_more_values(seed: int, distribution: str, count: int) -> None:
     listed = ex.Sequence(tuple(n(k) for k in range(9)))
     arguments = (n(1), n(4)) if distribution in ("uniform", "normal") else (listed,)
     expr = ex.Draw(distribution, arguments)
@@ -106,7 +106,7 @@ def test_sites_are_uniform(_: int) -> None:
     assert notch == pytest.approx(300 * 50 / abs(geometry2d.signed_area(FIELD)), abs=0.012)
 
 
-def test_a_tight_layout_is_tried_afresh_before_it_is_given_up() -> None:
+def test_a_tight_layout_is_retried_before_the_draw_fails() -> None:
     # Two places 900 m apart in a 1000 m strip: four attempts in five fail with their first dart.
     strip = ((0.0, 0.0), (1000.0, 0.0), (1000.0, 1.0), (0.0, 1.0))
     tries = [_placed(strip, seed) for seed in range(20)]
@@ -146,7 +146,7 @@ def _placed(strip: geometry2d.Polygon, seed: int) -> bool:
         (ex.Draw("choice", (ex.Sequence(()),)), 3, "needs a list", ""),
     ],
 )
-def test_faults_name_the_numbers_and_the_way_out(expr: ex.Draw, count: int, words: str, hint: str) -> None:
+def test_errors_of_draws_state_the_numbers_and_a_hint(expr: ex.Draw, count: int, words: str, hint: str) -> None:
     with pytest.raises(MissionError) as caught:
         draw(expr, SCOPE, seed=1, path="p", count=count)
     assert words in str(caught.value) and hint in caught.value.hint

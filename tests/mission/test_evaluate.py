@@ -63,7 +63,7 @@ PADS = ex.Sequence((p(0, 0, 1), p(100, 0, 1)))
         (ex.Call("polygon", (p(0, 0), p(0, 1), p(1, 0))), Area(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))),
     ],
 )
-def test_values(expr: ex.Expr, value: object) -> None:
+def test_static_expressions_have_the_expected_values(expr: ex.Expr, value: object) -> None:
     assert evaluate(expr, SCOPE) == value
 
 
@@ -93,20 +93,20 @@ def test_values(expr: ex.Expr, value: object) -> None:
         (ex.Call("polygon", (p(0, 0), p(9, 9), p(9, 0), p(0, 8))), "crosses itself"),
     ],
 )
-def test_faults_say_what_is_wrong(expr: ex.Expr, words: str) -> None:
+def test_a_faulty_expression_raises_an_error_with_the_reason(expr: ex.Expr, words: str) -> None:
     with pytest.raises(MissionError) as caught:
         evaluate(expr, SCOPE)
     assert words in str(caught.value)
 
 
-def test_numbers_are_finite_and_whole_where_due() -> None:
+def test_an_overflow_is_an_error_and_whole_returns_an_integer() -> None:
     with pytest.raises(MissionError, match="too large"):
         number(ex.Binary("*", n(1e300), n(1e300)), SCOPE)
     assert whole(ex.Ref("uavs", "param"), SCOPE) == 3
 
 
 @given(st.integers(3, 60), st.floats(1.0, 50.0))
-def test_further_members_stand_apart_and_earlier_ones_stay(count: int, spread: float) -> None:
+def test_further_members_keep_their_distance_and_do_not_move_earlier_members(count: int, spread: float) -> None:
     pads = (Place(0.0, 0.0, 1.0), Place(200.0, 0.0, 1.0))
     places = [pads[0], pads[1], *(further_place(pads, spread, k) for k in range(3, count + 1))]
     assert places[2:-1] == [further_place(pads, spread, k) for k in range(3, count)]

@@ -1,4 +1,4 @@
-"""The graph for other programs: a script that knows networkx alone reads a mission from its GraphML and its JSON."""
+"""The graph for other programs: a script that imports networkx alone reads a mission from its GraphML and its JSON."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def expected_actions(instance: Instance) -> dict[str, dict[str, dict[str, list[f
     return actions
 
 
-def test_the_script_is_short_and_knows_no_module_of_this_project() -> None:
+def test_the_script_is_short_and_imports_no_module_of_this_project() -> None:
     lines = SCRIPT.read_text(encoding="utf-8").splitlines()
     assert len(lines) <= 30
     assert not any("lingjing" in line for line in lines)
@@ -130,7 +130,9 @@ def test_the_script_reads_what_the_mission_declares(
 
 
 @pytest.mark.parametrize("name", NINE)
-def test_networkx_reads_the_same_graph_from_both(name: str, files: dict[str, tuple[Path, Path]], networkx: Any) -> None:
+def test_networkx_reads_the_same_graph_from_graphml_and_json(
+    name: str, files: dict[str, tuple[Path, Path]], networkx: Any
+) -> None:
     xml, text = files[name]
     from_xml: nx.MultiDiGraph[str] = networkx.read_graphml(xml, force_multigraph=True)
     value = json.loads(text.read_text(encoding="utf-8"))["graph"]
@@ -145,7 +147,9 @@ def test_networkx_reads_the_same_graph_from_both(name: str, files: dict[str, tup
     assert from_json.graph["mission"] == name
 
 
-def test_hidden_values_and_what_they_decide_can_be_followed(files: dict[str, tuple[Path, Path]], networkx: Any) -> None:
+def test_the_graph_connects_hidden_values_to_the_rules_and_verbs_that_they_decide(
+    files: dict[str, tuple[Path, Path]], networkx: Any
+) -> None:
     read: nx.MultiDiGraph[str] = networkx.read_graphml(files["upr"][0], force_multigraph=True)
     quantity = read.nodes["quantity:leak.position"]
     assert quantity["hidden"] and quantity["detail"] == "position"
@@ -188,7 +192,7 @@ mission small "Small" {
 """
 
 
-def test_titles_with_markup_are_read_back_as_they_were(tmp_path: Path, networkx: Any) -> None:
+def test_titles_with_markup_are_read_back_unchanged(tmp_path: Path, networkx: Any) -> None:
     text = SMALL.replace("HIGH", "90 m").replace('"Small"', "\"a<b> & 'c' ]]> ü 灵\"")
     read = networkx.parse_graphml(written(text, tmp_path, "graphml"))
     assert read.graph["title"] == "a<b> & 'c' ]]> ü 灵"
@@ -203,7 +207,7 @@ def test_characters_that_xml_cannot_hold_become_spaces(tmp_path: Path, networkx:
     assert networkx.read_graphml(output).graph["goal"] == "fly  [31m   "
 
 
-def test_a_bound_that_depends_on_a_parameter_has_its_default(tmp_path: Path, networkx: Any) -> None:
+def test_a_bound_that_depends_on_a_parameter_uses_the_default_of_the_parameter(tmp_path: Path, networkx: Any) -> None:
     high = {}
     for bound in ("90 m", "height"):
         text = SMALL.replace("HIGH", bound).replace("  mode", "  param height = 70 m in 40 m..80 m\n  mode")
@@ -213,7 +217,9 @@ def test_a_bound_that_depends_on_a_parameter_has_its_default(tmp_path: Path, net
 
 
 @pytest.mark.parametrize("option", [["--seed", "1"], ["--mode", "star"], ["--set", "uavs=2"], ["--plain"]])
-def test_the_graph_covers_every_seed_and_mode(option: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_graphml_output_rejects_the_options_of_a_single_instance(
+    option: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run_command(["compile", "ssr", "--emit", "graphml", *option]) == ExitCode.USAGE
     captured = capsys.readouterr()
     assert captured.out == ""

@@ -16,7 +16,7 @@ from lingjing.mission.faults import schema_faults
 WHOLE = document.encode(lingjing.compile("ssr"))
 
 
-def test_every_fault_is_told_with_its_path() -> None:
+def test_every_fault_is_reported_with_its_path() -> None:
     value = json.loads(WHOLE)
     value["name"] = 3
     value["groups"][0]["count"] = "three"
@@ -44,7 +44,7 @@ def test_every_fault_is_told_with_its_path() -> None:
     assert str(caught.value).splitlines()[0] == "m.json: name: a text is due, this is the number 3"
 
 
-def test_what_decodes_has_no_fault_and_needs_no_jsonschema() -> None:
+def test_a_valid_mission_has_no_fault_and_decoding_does_not_import_jsonschema() -> None:
     assert schema_faults(json.loads(WHOLE), document.MissionDocument) == ()
     script = (
         "import sys; from lingjing.mission import document; "
@@ -53,7 +53,7 @@ def test_what_decodes_has_no_fault_and_needs_no_jsonschema() -> None:
     subprocess.run([sys.executable, "-c", script], input=WHOLE, text=True, check=True)
 
 
-def test_a_document_that_is_nested_too_deep_is_refused() -> None:
+def test_a_document_that_is_nested_too_deeply_is_refused() -> None:
     value = json.loads(WHOLE)
     deep = '{"node": "Unary", "operator": "not", "operand": ' * 3000 + '{"node": "Flag", "value": true}' + "}" * 3000
     text = json.dumps({**value, "success": 3}).replace('"success": 3', f'"success": {deep}')

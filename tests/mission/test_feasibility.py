@@ -45,14 +45,14 @@ SEEN = """
 CAMERA = "camera nadir { hfov = 60 deg, size = 640 by 480, channels = [rgb], capture = on_request }"
 
 
-def found(body: str, ticks: int = 60) -> tuple[Diagnostic, ...]:
+def diagnostics_of(body: str, ticks: int = 60) -> tuple[Diagnostic, ...]:
     """The diagnostics of a mission with such a body."""
     return compile_text(f"{TYPES}  budget {{ ticks <= {ticks} }}\n{body}\n}}\n").diagnostics
 
 
 def codes(body: str, ticks: int = 60) -> list[str]:
-    """The codes of proofs; whether darts find the room that there is, is another matter."""
-    return [item.code for item in found(body, ticks) if item.code.startswith("LJ06")]
+    """The codes of proofs. Diagnostics of draws that fail by chance are left out."""
+    return [item.code for item in diagnostics_of(body, ticks) if item.code.startswith("LJ06")]
 
 
 def sail(*places: str, asset: str = "lifeboat", controls: bool = True, extra: str = "") -> str:
@@ -66,11 +66,11 @@ def sail(*places: str, asset: str = "lifeboat", controls: bool = True, extra: st
     )
 
 
-# 600 s at 1.10 times 3 m/s are 1,980 m; 50 m of the way are spared.
+# 600 s at 1.10 times 3 m/s are 1,980 m; the last 50 m need not be travelled.
 
 
-def test_travel() -> None:
-    (late,) = found(sail("(2031 m, 0 m)"))
+def test_travel_time_beyond_the_budget_is_infeasible() -> None:
+    (late,) = diagnostics_of(sail("(2031 m, 0 m)"))
     assert late.code == "LJ0601"
     assert "1,981 m at 3.3 m/s at most, margins included, take at least 600.3 s" in late.message
     assert "60 ticks of 10 s = 600 s" in late.message
@@ -78,7 +78,7 @@ def test_travel() -> None:
     assert codes(sail("(90 km, 0 m)", asset="airship")) == []
 
 
-def test_travel_to_the_nearest_place_of_a_region() -> None:
+def test_travel_to_a_region_is_measured_to_the_nearest_place() -> None:
     region = "  region far = polygon((W m, 0 m), (9000 m, 0 m), (9000 m, 100 m), (W m, 100 m))\n"
     body = sail("(0 m, 0 m)").replace("{ position = (0 m, 0 m) }", "{ hidden position ~ sites(far) }", 1)
     assert codes(region.replace("W", "2031") + body) == ["LJ0601"]
@@ -90,14 +90,14 @@ def test_travel_to_the_nearest_place_of_a_region() -> None:
     assert codes(region.replace("W", "1980") + entry + "  success when boat in far") == []
 
 
-def test_the_wind_and_the_current_may_help() -> None:
+def test_wind_and_current_extend_the_reachable_distance() -> None:
     blown = "  weather { wind = 10 m/s from 0 deg, current = 0.5 m/s to 0 deg }\n"
     assert codes(sail("(2600 m, 0 m)")) == ["LJ0601"]
     assert codes(blown + sail("(2600 m, 0 m)")) == []
     assert codes(blown + sail("(2631 m, 0 m)")) == ["LJ0601"]
 
 
-def test_either_way_is_enough_and_one_that_is_impossible_is_not() -> None:
+def test_success_is_infeasible_only_if_every_alternative_is() -> None:
     body = sail("(2031 m, 0 m)", "(10 m, 0 m)")
     assert codes(body) == ["LJ0601"]
     assert codes(body.replace(" and distance", " or distance")) == []
@@ -107,15 +107,15 @@ def test_either_way_is_enough_and_one_that_is_impossible_is_not() -> None:
 # There and back: a - 50 m, then 2 a - 100 m.
 
 
-def test_tour() -> None:
-    (long,) = found(sail("(711 m, 0 m)", "(-711 m, 0 m)"))
+def test_a_tour_that_takes_longer_than_the_budget_is_infeasible() -> None:
+    (long,) = diagnostics_of(sail("(711 m, 0 m)", "(-711 m, 0 m)"))
     assert long.code == "LJ0602"
     assert "at least 1,983 m, which at 3.3 m/s at most, margins included, takes 600.9 s" in long.message
     assert codes(sail("(710 m, 0 m)", "(-710 m, 0 m)")) == []
     assert codes(sail("(9 km, 0 m)", "(-9 km, 0 m)", asset="airship")) == []
 
 
-def test_a_tour_shared_by_two_vessels() -> None:
+def test_a_tour_that_two_vessels_share_is_feasible() -> None:
     body = """
   target v[1..2] : person_in_water { position = at(i, [(A m, 0 m), (-A m, 0 m)]) }
   asset boat[1..2] : lifeboat { position = at(i, [(0 m, 0 m), (0 m, 9 m)]) }
@@ -126,7 +126,7 @@ def test_a_tour_shared_by_two_vessels() -> None:
     assert codes(body.replace("A", "2031")) == ["LJ0601"]
 
 
-def test_apart_bounds_the_tour_of_drawn_places() -> None:
+def test_the_option_apart_bounds_the_tour_of_drawn_places() -> None:
     body = """
   region sea = polygon((0 m, -2000 m), (4000 m, -2000 m), (4000 m, 2000 m), (0 m, 2000 m))
   target v[1..4] : buoy { hidden position ~ sites(sea, apart >= APART m) }
@@ -141,7 +141,7 @@ def test_apart_bounds_the_tour_of_drawn_places() -> None:
     )
 
 
-def test_too_few_ticks_for_a_picture_and_its_report() -> None:
+def test_one_tick_is_too_short_for_a_picture_and_a_report() -> None:
     body = """
   target buoy : buoy { position = (0 m, 0 m) }
   asset boat : quadrotor { position = (0 m, 0 m, 0 m), CAMERA }
@@ -159,20 +159,20 @@ def test_too_few_ticks_for_a_picture_and_its_report() -> None:
 # A battery of 120 s lasts for 240 s at half of the power of hovering: 3,312 m at 1.15 times 12 m/s.
 
 
-def test_energy() -> None:
+def test_a_flight_longer_than_the_battery_lasts_is_infeasible() -> None:
     endurance = ", endurance = 2 min"
-    (weak,) = found(sail("(3363 m, 0 m)", asset="quadrotor", extra=endurance))
+    (weak,) = diagnostics_of(sail("(3363 m, 0 m)", asset="quadrotor", extra=endurance))
     assert weak.code == "LJ0603"
     assert "3,313 m at 13.8 m/s at most are at least 240.07 s of flight, `boat` can fly for 240 s" in weak.message
     assert codes(sail("(3362 m, 0 m)", asset="quadrotor", extra=endurance)) == []
     assert codes(sail("(3363 m, 0 m)", asset="glider")) == []
 
 
-def test_energy_of_a_tour() -> None:
+def test_a_tour_longer_than_the_battery_lasts_is_infeasible() -> None:
     # 3 a - 150 m = 3,312 m
     endurance = ", endurance = 2 min"
     assert codes(sail("(1154 m, 0 m)", "(-1154 m, 0 m)", asset="quadrotor", extra=endurance)) == []
-    (weak,) = found(sail("(1155 m, 0 m)", "(-1155 m, 0 m)", asset="quadrotor", extra=endurance))
+    (weak,) = diagnostics_of(sail("(1155 m, 0 m)", "(-1155 m, 0 m)", asset="quadrotor", extra=endurance))
     assert weak.code == "LJ0603" and "3,315 m, the batteries last for 3,312 m" in weak.message
 
 
@@ -185,23 +185,23 @@ def cargo(demand: str, orders: int = 1, way: float = 2400, store: str = "warehou
   success when forall o in o: o.demand <= 0 kg"""
 
 
-def test_an_order_heavier_than_a_load_is_brought_in_several() -> None:
+def test_an_order_heavier_than_a_load_is_delivered_in_several_loads() -> None:
     assert codes(cargo("250 kg")) == []
     assert codes(cargo("250 kg, split = false")) == [], "a name that no page gives a meaning has none"
 
 
-def test_trips() -> None:
+def test_more_loads_than_the_vehicles_can_bring_in_time_are_infeasible() -> None:
     # 600 s at 1.6 times 10 m/s are 9,600 m: two ways there and back of 2,400 m each way, so three loads.
     assert codes(cargo("200 kg", orders=3)) == []
-    (many,) = found(cargo("200 kg", orders=3, way=2401))
+    (many,) = diagnostics_of(cargo("200 kg", orders=3, way=2401))
     assert many.code == "LJ0604"
     assert "3 orders require 600 kg, but 1 vehicles bring 400 kg at most: 2 loads" in many.message
     assert codes(cargo("201 kg", orders=3)) == ["LJ0604"]
-    (unsupplied,) = found(cargo("200 kg", orders=9, store="buoy"))
+    (unsupplied,) = diagnostics_of(cargo("200 kg", orders=9, store="buoy"))
     assert "there is no warehouse, and the vehicles hold 0 kg" in unsupplied.message
 
 
-def test_what_nobody_declares_means_nothing() -> None:
+def test_properties_that_no_declaration_refers_to_are_ignored() -> None:
     unbounded = TYPES.replace("hold = 200 kg", "hold = 20 t, capacity = 1 kg, payload = 1 kg, stock = 1 kg")
     body = cargo("250 kg", orders=9, way=2401)
     text = f"{unbounded}  budget {{ ticks <= 60 }}\n{body}\n}}\n"
@@ -211,13 +211,13 @@ def test_what_nobody_declares_means_nothing() -> None:
     assert [item.code for item in compile_text(text).diagnostics] == []
 
 
-def test_the_scene_may_move_what_stands_on_a_road() -> None:
+def test_travel_allows_for_the_displacement_of_targets_onto_roads() -> None:
     far = sail("(2031 m, 0 m)").replace("position = (2031 m, 0 m)", "position = (2031 m, 0 m), on = road")
     assert codes(far) == [] and codes(far.replace("2031", "2090")) == []  # 50 m, and 10 m beside the place
     assert codes(far.replace("2031", "2092")) == ["LJ0601"]
 
 
-def test_stock() -> None:
+def test_demand_above_the_stock_of_the_warehouse_is_infeasible() -> None:
     assert codes(cargo("5 t", orders=2, way=0)) == []
     assert codes(cargo("5.1 t", orders=2, way=0)) == ["LJ0604"]
 
@@ -236,38 +236,38 @@ def seeing(
   success when exists r: matched(buoy, r)"""
 
 
-def test_resolution() -> None:
+def test_a_target_that_is_too_small_in_pictures_is_infeasible() -> None:
     # f = 554.26 px; the corner, 400 px off the axis, adds (400 / f)^2 = 0.5208; a body of 1 m with its top 1 m up.
     height = 554.256 * 1.520833 / 2 + 1.5
     assert codes(SEEN + seeing(height - 0.1)) == []
-    (small,) = found(SEEN + seeing(height + 0.1))
+    (small,) = diagnostics_of(SEEN + seeing(height + 0.1))
     assert small.code == "LJ0608"
     assert "1 m seen by `uav.nadir` (640 by 480 px, 60 deg)" in small.message
     assert "2 px are needed" in small.message
     assert codes(SEEN + seeing(8000, what="buoy")) == []
 
 
-def test_pictures_that_nobody_can_take() -> None:
+def test_a_report_is_infeasible_if_no_asset_can_take_pictures() -> None:
     assert codes(SEEN + seeing(20)) == []
     assert codes(SEEN + seeing(20, actions="setDestination")) == ["LJ0609"]
     assert codes(SEEN + seeing(20, actions="setDestination", capture="each_tick")) == []
     blind = "\n".join(line for line in seeing(20).splitlines() if "camera" not in line)
-    (none,) = found(SEEN + blind)
+    (none,) = diagnostics_of(SEEN + blind)
     assert none.code == "LJ0609" and "no asset of this mission has a camera" in none.message
 
 
-def test_messages_that_nobody_can_send() -> None:
+def test_a_report_is_infeasible_if_no_agent_can_send_the_message() -> None:
     watcher = "  agent watcher as watcher { observes uav.* }\n"
     idle = "  agent boss as boss when mode == star { observes uav.* }\n"
     comms = "  mode broadcast in { star, broadcast }\n  comms { hub = pilot when mode == star }\n"
     assert codes(comms + SEEN.replace("from pilot", "from boss") + seeing(20) + "\n" + idle) == ["LJ0605"]
     assert codes(SEEN.replace("from pilot", "from watcher") + seeing(20) + "\n" + watcher) == []
     guarded = SEEN.replace("from pilot to all", "from pilot to all when mode == star")
-    (closed,) = found(comms + guarded + seeing(20))
+    (closed,) = diagnostics_of(comms + guarded + seeing(20))
     assert closed.code == "LJ0605" and closed.message.startswith("in broadcast mode, ")
 
 
-def test_assignments() -> None:
+def test_an_assignment_needs_a_controlling_agent_or_an_assignment_message() -> None:
     assigned = sail("(0 m, 0 m)").replace("distance_xy(boat, buoy0) <= 50 m", "assigned(boat, buoy0)")
     assert codes(assigned) == []
     idle = assigned.replace(" controls boat", "")
@@ -275,47 +275,47 @@ def test_assignments() -> None:
     assert codes("  message order : assignment from pilot to all\n" + idle) == []
 
 
-def test_an_asset_that_nobody_commands_stays_where_it_is() -> None:
-    (idle,) = found(sail("(51 m, 0 m)", controls=False))
+def test_an_asset_without_a_controlling_agent_does_not_move() -> None:
+    (idle,) = diagnostics_of(sail("(51 m, 0 m)", controls=False))
     assert idle.code == "LJ0607" and "1 m too far away" in idle.message
     assert codes(sail("(50 m, 0 m)", controls=False)) == []
     assert codes(sail("(9 km, 0 m)", controls=False, asset="truck")) == []
 
 
-def test_counted_messages() -> None:
+def test_a_limit_below_the_required_messages_is_infeasible() -> None:
     body = """
   target buoy[1..3] : buoy { position = (0 m, 0 m) }
   asset uav : quadrotor { position = (0 m, 0 m, 0 m), CAMERA }
   agent pilot as pilot controls uav { observes uav.* }
   success when forall b in buoy: exists r: matched(b, r)""".replace("CAMERA", CAMERA)
     assert codes("  limit talk <= 3 counts detection\n" + SEEN + body) == []
-    (few,) = found("  limit talk <= 2 counts detection\n" + SEEN + body)
+    (few,) = diagnostics_of("  limit talk <= 2 counts detection\n" + SEEN + body)
     assert few.code == "LJ0610" and "at least 3 messages (3 `detection`), and `talk` allows 2" in few.message
     loose = SEEN.replace("iou(r.box, truth(b, r.frame).box) >= 0.5", "r.confidence > 0")
     assert codes("  limit talk <= 1 counts detection\n" + loose + body) == []
 
 
-def test_counted_commands() -> None:
+def test_a_limit_below_the_required_commands_is_infeasible() -> None:
     # A step of 10 m carries at most 10 m * 1.25 + 2 m; ten of them are 145 m.
     moves = "  limit moves <= N counts boat.forward, boat.left\n"
     body = sail("(195 m, 0 m)", asset="hound")
     assert codes(moves.replace("N", "10") + body) == []
-    (few,) = found(moves.replace("N", "9") + body)
+    (few,) = diagnostics_of(moves.replace("N", "9") + body)
     assert few.code == "LJ0610"
     assert "145 m, which at 14.5 m a command at most takes 10 commands, and `moves` allows 9" in few.message
     assert codes(moves.replace("N", "1").replace("boat.forward, ", "") + body) == []
 
 
-def test_stage_budget() -> None:
+def test_a_stage_budget_shorter_than_the_travel_time_is_infeasible() -> None:
     body = sail("(380 m, 0 m)") + "\n  stage go { done when distance_xy(boat, buoy0) <= 50 m, ticks <= N }"
     assert codes(body.replace("N", "10")) == []
-    (late,) = found(body.replace("N", "9"))
+    (late,) = diagnostics_of(body.replace("N", "9"))
     assert late.code == "LJ0601" and "the budget of stage `go` is 9 ticks of 10 s = 90 s" in late.message
     later = body.replace("N", "9") + "\n  stage wait { done when boat.speed > 0 m/s }\n  relation dependency wait -> go"
     assert codes(later.replace("boat.speed > 0 m/s", "distance_xy(boat, buoy0) <= 400 m")) == []
 
 
-def test_circles() -> None:
+def test_an_unlock_that_depends_on_itself_is_infeasible() -> None:
     body = """
   target v : person_in_water { position = (0 m, 0 m) }
   asset boat : lifeboat { position = (0 m, 0 m) }
@@ -328,7 +328,7 @@ def test_circles() -> None:
     assert codes(body.replace("WHEN", "distance_xy(boat, v) <= 10 m or rescued(v)")) == []
 
 
-def test_room() -> None:
+def test_more_places_than_fit_into_a_region_are_infeasible() -> None:
     # Groemer: 2/sqrt(3) * 100^2 / 50^2 + 400 / 100 + 1 = 9.6
     body = """
   region yard = box((0 m, 0 m), (100 m, 100 m))
@@ -337,15 +337,15 @@ def test_room() -> None:
   agent pilot as pilot controls boat { observes boat.* }
   success when exists v in v: distance_xy(boat, v) <= 50 m"""
     assert codes(body.replace("N", "9")) == []
-    (full,) = (item for item in found(body.replace("N", "10")) if item.code.startswith("LJ06"))
+    (full,) = (item for item in diagnostics_of(body.replace("N", "10")) if item.code.startswith("LJ06"))
     assert full.code == "LJ0611" and "at most 9 can" in full.message
 
 
-def test_empty_group() -> None:
+def test_exists_over_an_empty_group_is_infeasible() -> None:
     modes = "  mode broadcast in { star, broadcast }\n  comms { hub = pilot when mode == star }\n"
     body = modes + sail("(0 m, 0 m)").replace("buoy0 : buoy {", "b[1..2] : buoy when mode == star {")
     exists = body.replace("distance_xy(boat, buoy0) <= 50 m", "exists b in b: distance_xy(boat, b) <= 50 m")
-    (none,) = found(exists)
+    (none,) = diagnostics_of(exists)
     assert none.code == "LJ0612" and none.message == "in broadcast mode, there is no `b` in this mission"
     assert codes(exists.replace("exists b", "forall b")) == []
     assert codes(exists.replace(" when mode == star {", " {")) == []
@@ -354,14 +354,14 @@ def test_empty_group() -> None:
 SAIL = sail("(380 m, 0 m)")
 
 
-def test_a_stage_that_success_does_not_need_proves_nothing() -> None:
+def test_an_unneeded_stage_is_infeasible_only_if_it_fails_before_success() -> None:
     bonus = "\n  target far : buoy { position = (90 km, 0 m) }\n  stage bonus { done when distance_xy(boat, far) <= 9 m"
     assert codes(SAIL + bonus + " }") == []
     assert codes(SAIL + bonus + ", ticks <= 10 }") == []  # success may come first
     assert codes(SAIL + bonus + ", ticks <= 9 }") == ["LJ0601"]  # the stage is late before success can hold
 
 
-def test_an_interaction_that_success_does_not_need_may_wait_for_itself() -> None:
+def test_an_unlock_may_be_circular_if_success_does_not_need_the_interaction() -> None:
     body = """
   target v : person_in_water { position = (0 m, 0 m) }
   target w : buoy { position = (300 m, 0 m) }
@@ -394,7 +394,7 @@ PERHAPS = [
 
 
 @pytest.mark.parametrize("condition", WINS_ITSELF + PERHAPS)
-def test_a_success_that_holds_at_the_start_is_said(condition: str) -> None:
+def test_a_success_condition_that_holds_at_the_start_is_reported(condition: str) -> None:
     body = f"""
   target v : person_in_water {{ position = (300 m, 0 m) }}
   asset boat : barge {{ position = (0 m, 0 m) }}
@@ -408,7 +408,7 @@ def test_a_success_that_holds_at_the_start_is_said(condition: str) -> None:
     assert diagnostics == ([("LJ0510", "warning")] if condition in WINS_ITSELF else [])
 
 
-def test_a_state_that_nothing_raises_stays_as_it_is() -> None:
+def test_a_state_that_no_interaction_raises_keeps_its_value() -> None:
     body = """
   asset boat : barge { position = (0 m, 0 m) }
   agent pilot as pilot controls boat { observes boat.* }
@@ -419,7 +419,7 @@ def test_a_state_that_nothing_raises_stays_as_it_is() -> None:
     assert codes(filled.replace("{ inter", "{ position = (0 m, 9 m), inter") + body.replace("CARGO", "4")) == []
 
 
-def test_an_interaction_that_another_group_may_have_from_the_start_may_be_waited_for() -> None:
+def test_an_unlock_may_wait_for_an_interaction_of_a_group_without_an_unlock() -> None:
     body = """
   target v : person_in_water { position = (0 m, 0 m) }
   target w : person_in_water { position = (300 m, 0 m) }

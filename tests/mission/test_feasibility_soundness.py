@@ -1,4 +1,4 @@
-"""No false alarm: nothing is proved of what can be won, more of everything never makes an error."""
+"""No false alarm: a mission that can be won is never proved infeasible, and more time never adds an error."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def ssr() -> m.Mission:
 
 
 @pytest.mark.parametrize("file", sorted(SCENARIOS.glob("*.ljs")), ids=lambda file: file.stem)
-def test_nothing_is_proved_of_the_missions_of_the_paper_and_they_are_looked_at(file: Path) -> None:
+def test_shipped_missions_have_needs_and_no_proof_of_infeasibility(file: Path) -> None:
     mission = compile_file(str(file)).mission
     assert mission is not None
     for mode in mission.modes.allowed:
@@ -54,11 +54,11 @@ def test_nothing_is_proved_of_the_missions_of_the_paper_and_they_are_looked_at(f
 
 
 @pytest.mark.parametrize("mode", ["star", "broadcast"])
-def test_no_seed_of_the_sea_rescue_is_called_infeasible(ssr: m.Mission, mode: str) -> None:
+def test_no_seed_of_the_sea_rescue_is_proved_infeasible(ssr: m.Mission, mode: str) -> None:
     assert [s for s in range(100) if prove_instance(instantiate(ssr, seed=s, mode=mode))] == []
 
 
-def test_no_setting_of_the_sea_rescue_is_called_infeasible(ssr: m.Mission) -> None:
+def test_no_setting_of_the_sea_rescue_is_proved_infeasible(ssr: m.Mission) -> None:
     for parameter in ssr.parameters:
         if parameter.is_switch:
             assert prove_instance(instantiate(ssr, settings={parameter.name: 1.0})) == ()
@@ -73,7 +73,7 @@ def test_no_setting_of_the_sea_rescue_is_called_infeasible(ssr: m.Mission) -> No
                 assert prove_instance(instance) == (), (parameter.name, value, seed, mode)
 
 
-def test_the_rescue_needs_all_that_it_says(ssr: m.Mission) -> None:
+def test_the_sea_rescue_needs_visits_reports_pictures_and_interactions(ssr: m.Mission) -> None:
     outline = of_instance(instantiate(ssr, seed=7))
     leaves = mandatory(needs(outline.instance.success, outline, "success"))
     kinds = {type(leaf).__name__ for leaf in leaves}
@@ -99,7 +99,7 @@ def placed(instance: Instance, spots: list[tuple[float, float]], ticks: int, dri
 
 @settings(max_examples=60, deadline=None)
 @given(spots=st.lists(SPOT, min_size=6, max_size=6), ticks=st.integers(1, 300), more=st.integers(0, 300))
-def test_more_time_never_makes_an_error(spots: list[tuple[float, float]], ticks: int, more: int) -> None:
+def test_more_time_never_adds_an_error(spots: list[tuple[float, float]], ticks: int, more: int) -> None:
     instance = instantiate(sea_rescue(), settings={"victims": 6})
     fewer = {proof.code for proof in prove_instance(placed(instance, spots, ticks))}
     longer = {proof.code for proof in prove_instance(placed(instance, spots, ticks + more))}
@@ -108,7 +108,7 @@ def test_more_time_never_makes_an_error(spots: list[tuple[float, float]], ticks:
 
 @settings(max_examples=60, deadline=None)
 @given(spots=st.lists(SPOT, min_size=4, max_size=4), drift=st.floats(0, 0.3))
-def test_a_schedule_that_can_be_sailed_is_never_called_impossible(
+def test_a_schedule_that_a_boat_can_sail_is_never_proved_infeasible(
     spots: list[tuple[float, float]], drift: float
 ) -> None:
     """The witness: straight to each victim in the best order at the declared speed, with ticks for the pictures."""
@@ -120,7 +120,7 @@ def test_a_schedule_that_can_be_sailed_is_never_called_impossible(
 
 
 def sailed(start: tuple[float, ...], order: tuple[tuple[float, float], ...]) -> float:
-    """Metres from stop to stop, each left out of as much as the radius spares."""
+    """Metres from stop to stop. The boat stops as soon as the radius reaches the next victim."""
     here, total = (start[0], start[1]), 0.0
     for spot in order:
         way = math.dist(here, spot)
@@ -131,12 +131,12 @@ def sailed(start: tuple[float, ...], order: tuple[tuple[float, float], ...]) -> 
     return total
 
 
-def test_a_large_mission_is_not_looked_at(ssr: m.Mission) -> None:
+def test_a_very_large_mission_is_not_analysed(ssr: m.Mission) -> None:
     crowd = tuple(msgspec.structs.replace(ssr.groups[1], name=f"uav{k}", when=None) for k in range(2001))
     assert prove(msgspec.structs.replace(ssr, groups=ssr.groups + crowd)) == ()
 
 
-def test_a_crowd_is_counted_before_it_is_made(ssr: m.Mission) -> None:
+def test_a_very_large_group_is_detected_before_its_members_are_created(ssr: m.Mission) -> None:
     crowd = tuple(
         msgspec.structs.replace(group, count=ex.Number(100_000.0)) if group.name == "victim" else group
         for group in ssr.groups

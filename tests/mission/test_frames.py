@@ -55,14 +55,14 @@ def test_projection_along_the_meridian_is_the_arc_of_the_ellipse() -> None:
 
 
 @given(st.floats(-60, 60), st.floats(-179, 179), st.floats(-50_000, 50_000), st.floats(-50_000, 50_000))
-def test_projection_and_back(latitude: float, longitude: float, east: float, north: float) -> None:
+def test_projection_round_trips(latitude: float, longitude: float, east: float, north: float) -> None:
     origin = latitude, longitude
     assert frames.from_geodetic(*frames.to_geodetic(east, north, origin), origin) == pytest.approx(
         (east, north), abs=1e-6
     )
 
 
-def test_projection_across_the_date_line() -> None:
+def test_projection_works_across_the_date_line() -> None:
     east, north = frames.from_geodetic(10.0, -179.99, (10.0, 179.99))
     assert 2000 < east < 2300 and abs(north) < 1
 

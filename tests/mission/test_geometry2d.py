@@ -34,10 +34,10 @@ def test_measures_agree_with_shapely(ring: geometry2d.Polygon, point: geometry2d
 
 @given(RING, POINT, POINT)
 def test_clipped_area_agrees_with_shapely(
-    ring: geometry2d.Polygon, one: geometry2d.Vector2, other: geometry2d.Vector2
+    ring: geometry2d.Polygon, corner: geometry2d.Vector2, opposite: geometry2d.Vector2
 ) -> None:
     assume(not geometry2d.fault(ring))
-    box = geometry2d.bounds((one, other))
+    box = geometry2d.bounds((corner, opposite))
     part = geometry2d.clipped(geometry2d.normalised(ring), box)
     expected = shapely.Polygon(ring).intersection(shapely.box(*box)).area
     assert (geometry2d.signed_area(part) if part else 0.0) == pytest.approx(expected, abs=1e-6)
@@ -63,17 +63,17 @@ def test_fault_names_the_reason(ring: geometry2d.Polygon, words: str) -> None:
     assert words in geometry2d.fault(ring)
 
 
-def test_contains_the_border_and_not_the_notch() -> None:
+def test_contains_is_true_on_the_border_and_false_in_the_notch() -> None:
     assert geometry2d.contains(ELL, 4.0, 7.0) and geometry2d.contains(ELL, 0.0, 0.0)
     assert not geometry2d.contains(ELL, 5.0, 5.0)
 
 
-def test_circle_has_the_area_of_the_circle() -> None:
+def test_the_polygon_of_a_circle_has_the_area_of_the_circle() -> None:
     assert geometry2d.signed_area(geometry2d.circle((3.0, 4.0), 50.0)) == pytest.approx(math.pi * 2500)
 
 
 @given(RING)
-def test_the_sweep_over_edges_finds_what_comparing_all_finds(ring: geometry2d.Polygon) -> None:
+def test_the_sweep_over_edges_finds_the_same_crossings_as_all_pairs(ring: geometry2d.Polygon) -> None:
     outline = geometry2d.normalised(ring)
     sides = tuple(geometry2d.edges(outline))
     assume(len(sides) >= 3)

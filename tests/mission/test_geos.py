@@ -1,4 +1,4 @@
-"""Outlines of buffers without shapely are those of shapely, to the last bit."""
+"""Outlines of buffers without shapely equal those of shapely, to the last bit."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def printed(script: str, *arguments: str) -> Any:
 
 
 @LINUX
-def test_outlines_are_those_of_shapely() -> None:
+def test_outlines_equal_those_of_shapely() -> None:
     plain_ones, differ, beside_shapely = printed(SCRIPT)
     assert plain_ones > 80
     assert differ == 0
@@ -102,18 +102,18 @@ def test_outlines_are_those_of_shapely() -> None:
 
 
 @LINUX
-def test_areas_are_the_same_without_the_library() -> None:
+def test_buffers_are_the_same_without_the_library() -> None:
     assert printed(FALLBACK) == [True, True]
 
 
 @LINUX
-def test_its_memory_is_freed() -> None:
+def test_the_memory_of_the_library_is_freed() -> None:
     assert printed(MEMORY) < 512, "pages of 4 KiB; 10,000 buffers took 5,600"
 
 
 @LINUX
-def test_of_several_libraries_none_is_used(tmp_path: Path) -> None:
-    """A library that a removed shapely has left may be of another version."""
+def test_no_library_is_used_if_several_are_present(tmp_path: Path) -> None:
+    """A library that remains from a removed shapely may be of another version."""
     (tmp_path / "shapely").mkdir()
     (tmp_path / "shapely" / "__init__.py").touch()
     (tmp_path / "shapely.libs").mkdir()

@@ -98,7 +98,7 @@ def test_an_amount_is_lowered_by_the_interactions_that_take_it() -> None:
         ("20 >= home.beds", ("home",), "beds", {"alight"}),
     ],
 )
-def test_amounts_and_the_interactions_that_move_them(
+def test_a_level_goal_names_the_interactions_that_change_the_amount(
     success: str, entities: tuple[str, ...], state: str, ways: set[str]
 ) -> None:
     leaf = next(leaf for leaf in leaves_of(goal_of(success)) if isinstance(leaf, LevelGoal) and leaf.ways)
@@ -115,7 +115,7 @@ def test_amounts_and_the_interactions_that_move_them(
         ("bus.position in yard", "", None, 4, 0.0),
     ],
 )
-def test_distances_and_regions_bring_the_asset_there(
+def test_a_condition_on_a_distance_or_a_region_is_a_reach_goal(
     success: str, entity: str, point: tuple[float, float] | None, corners: int, radius_m: float
 ) -> None:
     leaf = only(success)
@@ -125,7 +125,7 @@ def test_distances_and_regions_bring_the_asset_there(
     )  # fmt: skip
 
 
-def test_a_status_word_is_given_by_its_interaction() -> None:
+def test_a_status_goal_names_the_interaction_that_sets_the_status() -> None:
     leaf = only("stop.status == empty")
     assert isinstance(leaf, StatusGoal)
     assert (leaf.entity, leaf.words, [way.interaction for way in leaf.ways]) == ("stop", ("empty",), ["board"])
@@ -151,13 +151,13 @@ def test_an_unlock_comes_before_its_interaction_and_a_rule_keeps_its_arguments()
     assert isinstance(behind_state, Ordered) and isinstance(behind_state.then, LevelGoal)
 
 
-def test_a_report_and_what_its_condition_requires_besides() -> None:
+def test_a_condition_on_a_matching_report_is_a_report_goal() -> None:
     rules = "adjudicate seen(x: f, r: note) { when iou(r.box, truth(x, r.frame).box) >= 0.5 }"
     leaf = only("exists r: seen(f[1], r)", rules)
     assert isinstance(leaf, ReportGoal) and (leaf.kind, leaf.about, leaf.matching) == ("note", "f[1]", True)
 
 
-def test_what_no_goal_covers_is_open_with_the_reason() -> None:
+def test_a_condition_that_no_goal_covers_is_an_open_goal_with_a_reason() -> None:
     leaf = only("distance_xy(bus, home) >= 300 m")
     assert isinstance(leaf, OpenGoal) and "position" in leaf.reason and "setDestination" in leaf.reason
 
@@ -175,7 +175,9 @@ def test_an_alternative_that_declared_values_rule_out_is_left_out() -> None:
         ("before(bus in yard, distance_xy(bus, home) <= 30 m) and there()", "", "home"),
     ],
 )
-def test_what_is_to_be_true_later_comes_behind_what_is_to_be_true_first(success: str, first: str, then: str) -> None:
+def test_the_later_part_of_a_before_condition_is_ordered_after_the_first_part(
+    success: str, first: str, then: str
+) -> None:
     goal = goal_of(success, "adjudicate there() { when distance_xy(bus, home) <= 30 m }")
     (ordered,) = ordered_goals(goal)
     reached = [leaf for leaf in (ordered.first, ordered.then) if isinstance(leaf, ReachGoal)]
@@ -183,7 +185,7 @@ def test_what_is_to_be_true_later_comes_behind_what_is_to_be_true_first(success:
     assert any(leaf == ordered.first for leaf in parts_of(goal))  # the first is a goal of its own, too
 
 
-def test_what_success_does_not_want_is_no_goal_of_an_order() -> None:
+def test_a_before_condition_is_not_ordered_if_success_does_not_need_its_later_part() -> None:
     assert not ordered_goals(goal_of("before(bus in yard, distance_xy(bus, home) <= 30 m) and stop.waiting == 0"))
 
 

@@ -1,4 +1,4 @@
-"""The mission graph: what the sea rescue becomes, in both modes, and what every declaration adds."""
+"""The mission graph: the graph of the sea rescue in both modes, and the nodes and edges that each declaration adds."""
 
 from __future__ import annotations
 
@@ -118,19 +118,19 @@ def ids(shown: MissionGraph) -> tuple[set[str], set[str]]:
     return set(nodes), set(edges)
 
 
-def test_ssr_in_broadcast(whole: m.Mission) -> None:
+def test_ssr_has_the_expected_graph_in_broadcast_mode(whole: m.Mission) -> None:
     nodes, edges = ids(graph(whole, "broadcast"))
     assert nodes == set(NODES)
     assert edges == {*EDGES, *ONLY_BROADCAST}
 
 
-def test_ssr_in_star(whole: m.Mission) -> None:
+def test_ssr_has_the_expected_graph_in_star_mode(whole: m.Mission) -> None:
     nodes, edges = ids(graph(whole, "star"))
     assert nodes == {*NODES, "role:coordinator", "agent:commander"}
     assert edges == {*EDGES, *ONLY_STAR}
 
 
-def test_ssr_in_all_modes_is_the_union_with_its_guards(whole: m.Mission) -> None:
+def test_the_graph_of_all_modes_is_the_union_with_guards(whole: m.Mission) -> None:
     shown = graph(whole)
     nodes, edges = ids(shown)
     assert nodes == {*NODES, "role:coordinator", "agent:commander"}
@@ -151,20 +151,20 @@ def test_ssr_in_all_modes_is_the_union_with_its_guards(whole: m.Mission) -> None
     }
 
 
-def test_a_chosen_mode_settles_every_guard(whole: m.Mission) -> None:
+def test_the_graph_of_one_mode_has_no_guards(whole: m.Mission) -> None:
     for mode in ("star", "broadcast"):
         shown = graph(whole, mode)
         assert shown.modes == (mode,)
         assert not any(part.when for part in (*shown.nodes, *shown.edges))
 
 
-def test_the_graph_is_a_function_of_the_mission_and_survives_json(whole: m.Mission) -> None:
+def test_the_graph_is_deterministic_and_round_trips_as_json(whole: m.Mission) -> None:
     shown = graph(whole)
     assert graph(whole) == shown
     assert msgspec.json.decode(msgspec.json.encode(shown), type=MissionGraph) == shown
 
 
-def test_groups_are_one_node_with_a_count(whole: m.Mission) -> None:
+def test_a_group_is_one_node_with_a_count(whole: m.Mission) -> None:
     shown = graph(whole)
     assert (shown.node("asset:uav").title, shown.node("asset:uav").count) == ("uav[1..3]", 3)
     assert (shown.node("asset:boat").title, shown.node("asset:boat").count) == ("boat", None)
@@ -176,7 +176,7 @@ def test_groups_are_one_node_with_a_count(whole: m.Mission) -> None:
     assert (node.title, node.count) == ("uav[1..uavs]", 0)
 
 
-def test_relations_name_what_they_carry_and_are_over(whole: m.Mission) -> None:
+def test_relations_name_the_channel_grid_or_asset_that_they_use(whole: m.Mission) -> None:
     edges = {edge.kind: edge for edge in graph(whole).edges}
     assert (edges["information_handoff"].label, edges["information_handoff"].via) == ("carries", "channel:detection")
     assert (edges["cooperation"].via, edges["cooperation"].mutual) == ("grid:cells", True)
@@ -185,7 +185,7 @@ def test_relations_name_what_they_carry_and_are_over(whole: m.Mission) -> None:
     assert edges["dependency"].label == "per v"
 
 
-def test_walking_from_success_reaches_the_hidden_target(whole: m.Mission) -> None:
+def test_the_hidden_target_is_reachable_from_success_in_the_graph(whole: m.Mission) -> None:
     shown = graph(whole)
     reached, waiting = set(), ["outcome:success"]
     while waiting:
@@ -202,7 +202,7 @@ def test_walking_from_success_reaches_the_hidden_target(whole: m.Mission) -> Non
 
 @pytest.fixture(scope="module")
 def everything(whole: m.Mission) -> m.Mission:
-    """The sea rescue with one of each declaration that it does without."""
+    """The sea rescue with one of each declaration that it lacks."""
     boat, uav = ex.Ref("boat", "entity"), ex.Ref("uav", "group")
     victim_i = ex.Index(ex.Ref("victim", "group"), ex.Number(1.0))
     photos = m.Counted(kind="command", resource=uav, name="takePhoto")
@@ -258,7 +258,7 @@ def exists(rule: str) -> ex.Quantified:
     return ex.Quantified("exists", "r", "detection", ex.Call(rule, (V, R), rule=True))
 
 
-def test_every_kind_of_node_and_edge_is_produced_by_something(everything: m.Mission) -> None:
+def test_a_mission_with_every_declaration_has_every_kind_of_node_and_edge(everything: m.Mission) -> None:
     shown = graph(everything)
     assert {node.kind for node in shown.nodes} == set(get_args(NodeKind))
     assert {edge.kind for edge in shown.edges} == set(get_args(EdgeKind))
@@ -289,7 +289,7 @@ def test_each_declaration_adds_its_edge(everything: m.Mission, edge: str) -> Non
     assert edge in {each.id for each in graph(everything).edges}
 
 
-def test_what_the_drawing_says_about_terms(everything: m.Mission) -> None:
+def test_node_details_state_limits_weights_and_penalties(everything: m.Mission) -> None:
     shown = graph(everything)
     assert shown.node("stage:detect").detail == "per victim, ≤ 40 ticks, weight 2"
     assert shown.node("resource:photos").detail == "≤ 30 uav.takePhoto"
@@ -299,7 +299,7 @@ def test_what_the_drawing_says_about_terms(everything: m.Mission) -> None:
     assert "requires outcome:success constraint:thrift" not in {edge.id for edge in shown.edges}
 
 
-def test_a_mission_without_anything_to_say_still_has_a_graph(whole: m.Mission) -> None:
+def test_the_graph_of_an_empty_mission_is_success_and_the_budget(whole: m.Mission) -> None:
     bare = msgspec.structs.replace(
         whole, regions=(), grids=(), groups=(), agents=(), authorities=(), messages=(), rules=(), unlocks=(),
         stages=(), relations=(), comms=m.Comms(), success=ex.Flag(True),
@@ -312,7 +312,7 @@ def test_a_mission_without_anything_to_say_still_has_a_graph(whole: m.Mission) -
 # -- guards
 
 
-def test_a_guard_over_parameters_stays_open_and_readable() -> None:
+def test_a_guard_over_parameters_is_kept_as_text() -> None:
     many = ex.Binary(">", ex.Ref("uavs", "param"), ex.Number(1.0))
     modes = ("star", "broadcast")
     present = presence(m.Guard(condition=many), modes)
@@ -331,7 +331,7 @@ def test_a_guard_that_never_holds_removes_the_declaration() -> None:
     assert presence(m.Guard(condition=ex.Flag(False)), ("star", "broadcast")) is None
 
 
-def test_what_needs_a_guarded_declaration_exists_only_with_it(whole: m.Mission) -> None:
+def test_an_edge_to_a_guarded_declaration_exists_only_in_the_same_modes(whole: m.Mission) -> None:
     guarded = msgspec.structs.replace(
         whole,
         messages=tuple(msgspec.structs.replace(k, when=STAR) if k.name == "assignment" else k for k in whole.messages),
@@ -344,13 +344,13 @@ def test_what_needs_a_guarded_declaration_exists_only_with_it(whole: m.Mission) 
 # -- mistakes
 
 
-def test_an_unknown_mode_is_named_with_the_ones_there_are(whole: m.Mission) -> None:
+def test_an_unknown_mode_is_refused_with_the_list_of_known_modes(whole: m.Mission) -> None:
     with pytest.raises(UsageError, match="no mode `mesh`") as caught:
         graph(whole, "mesh")
     assert "star, broadcast" in caught.value.hint
 
 
-def test_a_relation_to_nothing_is_an_error_that_names_it(whole: m.Mission) -> None:
+def test_a_relation_to_an_unknown_role_is_an_error_that_names_the_role(whole: m.Mission) -> None:
     wrong = m.Relation(kind="guidance", source="nobody", target="searcher")
     with pytest.raises(MissionError, match="guidance names `nobody`"):
         graph(msgspec.structs.replace(whole, relations=(wrong,)))
@@ -378,5 +378,5 @@ def test_a_relation_to_nothing_is_an_error_that_names_it(whole: m.Mission) -> No
         (exists("matched"), "exists r: matched(v, r)"),
     ],
 )  # fmt: skip
-def test_expressions_are_spelt_as_an_author_would(expr: ex.Expr, text: str) -> None:
+def test_expressions_are_written_in_the_syntax_of_the_language(expr: ex.Expr, text: str) -> None:
     assert spell(expr) == text

@@ -1,4 +1,4 @@
-"""Pictures of the mission graph: golden text for Mermaid and DOT, what Graphviz makes of it as SVG.
+"""Drawings of the mission graph: golden text for Mermaid and DOT, and the SVG that Graphviz renders.
 
 `pytest tests/mission --update` rewrites the golden files.
 """
@@ -101,7 +101,9 @@ def shown(request: pytest.FixtureRequest) -> MissionGraph:
 
 
 @pytest.mark.parametrize(("suffix", "write"), [("mmd", mermaid), ("dot", dot)])
-def test_ssr_is_the_golden_text(ssr_graph: MissionGraph, suffix: str, write, request: pytest.FixtureRequest) -> None:
+def test_ssr_matches_the_golden_text(
+    ssr_graph: MissionGraph, suffix: str, write, request: pytest.FixtureRequest
+) -> None:
     golden = HERE / "golden" / f"ssr.{suffix}"
     text = write(ssr_graph)
     if request.config.getoption("--update", default=False):
@@ -109,14 +111,14 @@ def test_ssr_is_the_golden_text(ssr_graph: MissionGraph, suffix: str, write, req
     assert text == golden.read_text(encoding="utf-8")
 
 
-def test_every_kind_has_a_look_and_a_lane() -> None:
+def test_every_kind_has_a_style_and_every_node_kind_has_a_lane() -> None:
     assert set(EDGES) == set(get_args(EdgeKind))
     assert set(NODES) == set(get_args(NodeKind))
     laned = [kind for _, kinds in LANES for kind in kinds]
     assert sorted(laned) == sorted(get_args(NodeKind))
 
 
-def test_mermaid_and_dot_say_every_node_and_edge(shown: MissionGraph) -> None:
+def test_mermaid_and_dot_contain_every_node_and_edge(shown: MissionGraph) -> None:
     assert len(re.findall(r"^    \w+[\[({]", mermaid(shown), re.MULTILINE)) == len(shown.nodes)
     assert len(re.findall(r'\|".*"\| \w+$', mermaid(shown), re.MULTILINE)) == len(shown.edges)
     written = dot(shown).count(" -> ") - dot(shown).count("[style=invis]")
@@ -140,7 +142,7 @@ def nasty() -> MissionGraph:
     return msgspec.structs.replace(base, title=NASTY, goal=NASTY, mission=NASTY, nodes=nodes, edges=edges)
 
 
-def test_mermaid_escapes() -> None:
+def test_mermaid_escapes_hostile_text() -> None:
     head, _, body = mermaid(nasty()).partition("flowchart LR\n")
     assert len(head.splitlines()) == 3
     for line in body.splitlines():
@@ -151,7 +153,7 @@ def test_mermaid_escapes() -> None:
             assert re.fullmatch(r"[\w )\]}/|]*", line[line.rindex('"') + 1 :])
 
 
-def test_mermaid_names_never_clash_nor_leave_ascii() -> None:
+def test_mermaid_names_are_unique_and_ascii() -> None:
     base = random_graph(1).nodes[0]
     names = ("a_b", "a b", "甲", "乙", "a.b", "end")
     nodes = tuple(msgspec.structs.replace(base, id=f"rule:{name}", kind="rule", within=None) for name in names)
@@ -161,7 +163,7 @@ def test_mermaid_names_never_clash_nor_leave_ascii() -> None:
     assert "".join(written).isascii()
 
 
-def test_dot_strings_close_where_they_should() -> None:
+def test_dot_quotes_hostile_text_correctly() -> None:
     string = r'"(?:[^"\\\n]|\\.)*"'
     for line in dot(nasty()).splitlines():
         assert '"' not in re.sub(string, "", re.sub("<table.*</table>", "", line))
@@ -172,7 +174,7 @@ def test_dot_strings_close_where_they_should() -> None:
 
 
 @pytest.mark.parametrize("make", [nasty, lambda: random_graph(7)], ids=["nasty", "random"])
-def test_svg_is_well_formed_and_says_everything(make) -> None:
+def test_svg_is_well_formed_and_contains_every_node_and_edge(make) -> None:
     shown = readable(make())
     root = ET.fromstring(svg(shown))
     groups = [g.get("class", "") for g in root.iter(f"{SVG}g")]
@@ -183,21 +185,21 @@ def test_svg_is_well_formed_and_says_everything(make) -> None:
     assert all(" ".join(printable(node.title).split()) in " ".join(content.split()) for node in shown.nodes)
 
 
-def test_svg_needs_nothing_from_outside(ssr_graph: MissionGraph) -> None:
+def test_svg_refers_to_no_external_resource(ssr_graph: MissionGraph) -> None:
     text = svg(ssr_graph)
     assert "prefers-color-scheme: dark" in text
     assert not re.search(r"<script|<image|(?<!xlink:)href|@import|url\(|<foreignObject|<!DOCTYPE", text)
     assert text == svg(ssr_graph)
 
 
-def test_every_colour_of_a_light_page_has_one_for_a_dark_page(ssr_graph: MissionGraph) -> None:
+def test_every_colour_of_the_light_theme_has_a_dark_counterpart(ssr_graph: MissionGraph) -> None:
     style, _, drawing = svg(ssr_graph).partition("</style>")
     used = set(re.findall(r'(?:fill|stroke)="(#[0-9a-f]{6}|white)"', drawing))
     assert len(used) > 10
     assert {colour for colour in used if f'="{colour}"]' not in style} == set()
 
 
-def test_lanes_stand_from_left_to_right(ssr_graph: MissionGraph) -> None:
+def test_lanes_are_ordered_from_left_to_right(ssr_graph: MissionGraph) -> None:
     root = ET.fromstring(svg(ssr_graph))
     lefts = []
     for place, _ in enumerate(LANES):
@@ -208,7 +210,7 @@ def test_lanes_stand_from_left_to_right(ssr_graph: MissionGraph) -> None:
     assert lefts == sorted(lefts)
 
 
-def test_without_graphviz_the_error_says_what_to_install(
+def test_without_graphviz_the_error_names_the_package_to_install(
     ssr_graph: MissionGraph, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
@@ -218,7 +220,7 @@ def test_without_graphviz_the_error_says_what_to_install(
     assert "pip install graphviz-pure" in str(caught.value.hint)
 
 
-def test_a_message_to_all_is_said_on_the_node(ssr_graph: MissionGraph) -> None:
+def test_a_message_to_all_is_stated_on_the_node_without_edges(ssr_graph: MissionGraph) -> None:
     shown = readable(ssr_graph)
     assert shown.node("channel:detection").detail == "report, to all"
     assert not list(shown.out_of("channel:detection", "speaks_to"))

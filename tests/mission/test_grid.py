@@ -34,6 +34,6 @@ def test_cells_cover_the_region_and_nothing_else(region: geometry2d.Polygon) -> 
     assert all(geometry2d.signed_area(cell.polygon) > 0 for cell in made)
 
 
-def test_cells_off_the_region_are_left_out_and_the_others_keep_their_names() -> None:
+def test_cells_outside_the_region_are_left_out_and_the_others_keep_their_names() -> None:
     names = [cell.name for cell in cells("c", TRIANGLE, 3, 3, 0.0)]
     assert names == ["c-1-1", "c-1-2", "c-1-3", "c-2-1", "c-2-2", "c-3-1"]

@@ -36,7 +36,7 @@ def properties_of(mission: m.Mission, name: str) -> tuple[m.Property, ...]:
     return next(group.properties for group in mission.groups if group.name == name)
 
 
-def test_layout_is_the_missions(ssr: m.Mission) -> None:
+def test_an_instance_has_the_layout_of_its_mission(ssr: m.Mission) -> None:
     instance = instantiate(ssr, seed=7)
     assert [entity.id for entity in instance.entities] == [
         *("victim[1]", "victim[2]", "victim[3]", "uav[1]", "uav[2]", "uav[3]", "boat")
@@ -93,14 +93,14 @@ def test_star_routes_through_the_commander(ssr: m.Mission) -> None:
 
 
 @given(SEEDS, st.integers(1, 5))
-def test_fewer_victims_are_the_first_of_more(ssr: m.Mission, seed: int, count: int) -> None:
+def test_fewer_victims_are_a_prefix_of_more_victims(ssr: m.Mission, seed: int, count: int) -> None:
     fewer = group_of(instantiate(ssr, seed=seed, settings={"victims": count}), "victim")
     more = group_of(instantiate(ssr, seed=seed, settings={"victims": count + 1}), "victim")
     assert fewer == more[:count]
 
 
 @given(SEEDS)
-def test_another_declaration_changes_nothing_else(ssr: m.Mission, seed: int) -> None:
+def test_an_added_declaration_leaves_other_draws_unchanged(ssr: m.Mission, seed: int) -> None:
     gust = m.Property(name="turbulence", value=ex.Draw("uniform", (ex.Number(0.0), ex.Number(0.3))), relation="~")
     buoys = m.Group(
         name="buoy",
@@ -146,7 +146,7 @@ def test_two_processes_with_different_hash_seeds_agree(ssr: m.Mission, tmp_path:
     assert outputs[0] == outputs[1] == msgspec.json.encode(instantiate(ssr, seed=11, settings={"uavs": 9}))
 
 
-def test_nothing_heavy_is_imported(tmp_path: Path) -> None:
+def test_no_large_package_is_imported(tmp_path: Path) -> None:
     program = (
         "import sys, lingjing.mission.instantiate, lingjing.mission.document\n"
         "heavy = {'numpy', 'pydantic', 'pluggy', 'rich', 'mujoco', 'libsumo', 'shapely', 'cv2', 'gymnasium', 'mcap'}\n"
@@ -176,7 +176,7 @@ def _run(program: str, folder: Path, hash_seed: str) -> bytes:
         ({"settings": {"altitude": "high"}}, "altitude = 'high' is not a number", "a number"),
     ],
 )
-def test_wrong_arguments_name_what_is_allowed(
+def test_errors_of_wrong_arguments_name_the_allowed_values(
     ssr: m.Mission, arguments: dict[str, object], words: str, hint: str
 ) -> None:
     with pytest.raises(UsageError) as caught:

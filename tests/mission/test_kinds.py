@@ -1,4 +1,4 @@
-"""Kinds of scenes and engines: what a plug-in's `kinds.json` says is known without importing the plug-in."""
+"""Kinds of scenes and engines: the contents of a plug-in's `kinds.json` are used without importing the plug-in."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def acme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     assert "acme" not in sys.modules
 
 
-def test_a_strangers_scene_is_checked_by_its_file(acme: Path) -> None:
+def test_a_scene_of_a_plugin_is_checked_against_its_kinds_file(acme: Path) -> None:
     acme.write_text(json.dumps({"scenes": [CANYON]}))
     deep = SceneSpec(kind="canyon", options={"depth_m": 5.0})
     assert [(fault.option, fault.hint) for fault in scene_faults(deep)] == [("depth", "give 10 to 300")]
@@ -87,13 +87,13 @@ def test_validate_imports_no_plug_in_whose_kinds_are_described(
     assert "no engine called `balloon` is installed" in capsys.readouterr().out
 
 
-def test_a_strangers_engine_says_where_its_bodies_may_be(acme: Path) -> None:
+def test_an_engine_of_a_plugin_declares_where_its_bodies_may_be(acme: Path) -> None:
     acme.write_text(json.dumps({"engines": [{"name": "balloon", "anywhere": True}]}))
     assert engine_kind("balloon").anywhere
     assert not engine_kind("submarine").anywhere and engine_kind("submarine").acts
 
 
-def test_a_strangers_engine_says_what_its_verbs_do_and_how_fast_its_bodies_are(acme: Path) -> None:
+def test_an_engine_of_a_plugin_declares_the_motion_of_its_verbs_and_its_top_speed(acme: Path) -> None:
     verbs = {"glide": {"motion": "straight", "doc": "glides there"}, "ascend": {"motion": "up"}}
     speed = {"property": "speed_mps", "factor": 1.5, "wind": 1.0}
     acme.write_text(json.dumps({"engines": [{"name": "balloon", "verbs": verbs, "top_speed": speed}]}))
@@ -117,13 +117,13 @@ def test_a_strangers_engine_says_what_its_verbs_do_and_how_fast_its_bodies_are(a
     assert ceiling(blimp, {}, Air(wind_mps=3.0), driven=False) == math.inf
 
 
-def test_of_a_scene_without_a_file_nothing_is_known(acme: Path) -> None:
+def test_a_scene_without_a_kinds_file_has_no_known_properties(acme: Path) -> None:
     spec = SceneSpec(kind="moon", options={"depth_m": 5.0})
     assert list(scene_faults(spec)) == []
     assert extent_m(spec) is None and reach_m(spec) is None and not lacks(spec, "road")
 
 
-def test_a_kind_may_be_like_another(acme: Path) -> None:
+def test_a_kind_inherits_from_the_kind_that_it_is_like(acme: Path) -> None:
     rift = {"name": "rift", "like": "canyon", "options": {"depth": {"high": 900}, "width": {"type": "metres"}}}
     acme.write_text(json.dumps({"scenes": [CANYON, rift]}))
     kind = kinds.scene_kind("rift")
@@ -142,14 +142,14 @@ def test_a_kind_may_be_like_another(acme: Path) -> None:
         "[]",
     ],
 )
-def test_a_file_that_is_none_is_named(acme: Path, text: str) -> None:
+def test_a_malformed_kinds_file_is_named_in_the_error(acme: Path, text: str) -> None:
     acme.write_text(text)
     with pytest.raises(PluginError, match=r"inner/kinds\.json does not describe kinds"):
         kinds.described_by("acme")
     assert kinds.scene_kind("canyon") is None  # the file does not name it, so it may belong to another plug-in
 
 
-def test_a_kind_that_a_faulty_file_names_is_not_guessed(acme: Path) -> None:
+def test_a_kind_that_a_faulty_file_names_is_an_error(acme: Path) -> None:
     acme.write_text('{"scenes": [{"name": "canyon", "extent_m": "wide"}], "engines": [{"name": "balloon"}]}')
     for described in (kinds.scene_kind, kinds.engine_kind):
         with pytest.raises(PluginError, match=r"inner/kinds\.json does not describe kinds"):
@@ -182,7 +182,7 @@ def test_a_range_needs_no_default(acme: Path) -> None:
 
 
 @pytest.mark.parametrize(("kind", "least"), [("positions", 1), ("region", 3)])
-def test_a_line_needs_no_number_of_points(acme: Path, kind: str, least: int) -> None:
+def test_options_of_positions_and_regions_have_a_least_number_of_points(acme: Path, kind: str, least: int) -> None:
     acme.write_text(kinds_document(options={"rim": {"type": kind}}))
     corners = ((0.0, 0.0), (9.0, 0.0), (9.0, 9.0))
     for count in range(1, 4):
@@ -190,7 +190,7 @@ def test_a_line_needs_no_number_of_points(acme: Path, kind: str, least: int) -> 
         assert bool(list(scene_faults(spec))) == (count < least)
 
 
-def test_every_fault_of_a_file_is_told_with_its_path(acme: Path) -> None:
+def test_every_fault_of_a_file_is_reported_with_its_path(acme: Path) -> None:
     depth = {"type": "metres", "low": "deep"}
     scenes = [{"name": "canyon", "options": {"depth": depth, "width": {"type": "range", "default": 3}}}, {"nam": 1}, 7]
     listed = faults_of(acme, json.dumps({"scenes": scenes, "engines": {}}))
@@ -224,11 +224,13 @@ METRES = {"type": "metres", "low": 1, "high": 9}
         ({"like": "moon"}, "like"),
     ],
 )
-def test_a_file_is_held_to_its_meaning(acme: Path, scene: dict[str, object], where: str) -> None:
+def test_an_invalid_value_in_a_kinds_file_is_reported_with_its_path(
+    acme: Path, scene: dict[str, object], where: str
+) -> None:
     assert [path for path, _ in faults_of(acme, kinds_document(**scene))] == [f"scenes[0].{where}"]
 
 
-def test_the_verbs_of_an_engine_are_its_own(acme: Path) -> None:
+def test_common_verbs_and_invalid_names_and_motions_of_verbs_are_refused(acme: Path) -> None:
     verbs = {"stop": {"motion": "up"}, "takePhoto": {}, "go there": {}, "rise": {"motion": "fly"}, "sink": {}}
     messages = dict(faults_of(acme, json.dumps({"engines": [{"name": "lift", "verbs": verbs}]})))
     at = "engines[0].verbs"
@@ -237,19 +239,19 @@ def test_the_verbs_of_an_engine_are_its_own(acme: Path) -> None:
     assert messages[f"{at}.rise.motion"].startswith("an empty text, down, route")
 
 
-def test_a_fault_is_told_of_the_kind_that_says_it(acme: Path) -> None:
+def test_a_fault_is_reported_at_the_kind_that_contains_the_value(acme: Path) -> None:
     scenes = [{"name": "canyon", "extent_m": -1, "options": {"depth": METRES | {"default": 10}}}]
     scenes += [{"name": "rift", "like": "canyon"}, {"name": "gorge", "like": "rift", "lacks": ["rails"]}]
     paths = [path for path, _ in faults_of(acme, json.dumps({"scenes": scenes}))]
     assert paths == ["scenes[0].extent_m", "scenes[2].lacks[0]", "scenes[0].options.depth.default"]
 
 
-def test_the_built_in_file_is_held_to_the_same_meaning() -> None:
+def test_the_built_in_kinds_file_has_no_invalid_value() -> None:
     document = kinds.joined(json.loads(Path(kinds._BUILTIN).read_text("utf-8")))
     assert list(kinds_file._value_faults(document, KindsFile())) == []
 
 
-def test_a_name_means_one_kind(acme: Path) -> None:
+def test_the_name_of_a_kind_must_be_unique(acme: Path) -> None:
     scenes = [{"name": "bay"}, {"name": "rift", "like": "gorge"}, {"name": "rift"}, {"name": "gorge", "like": "rift"}]
     faults = faults_of(acme, json.dumps({"scenes": scenes, "engines": [{"name": "road"}]}))
     assert ("scenes[0].name", "`bay` is built in") in faults

@@ -34,7 +34,7 @@ def test_a_tier_that_cannot_be_won_is_named(name: str) -> None:
     assert message.startswith("at tier 1, ")
 
 
-def test_a_scene_that_moves_bodies_farther_proves_less() -> None:
+def test_a_larger_displacement_of_the_scene_removes_the_proof() -> None:
     text = next(variant.text for variant in IMPOSSIBLE if variant.name == "demand-beyond-no-depot")
     assert errors(text) != []
     assert errors(text.replace("extent = 1500 m", "extent = 1500 m, displacement = 1 km")) == []

@@ -41,12 +41,12 @@ def test_an_impossible_mission_has_an_error(variant: Variant) -> None:
 
 
 @pytest.mark.parametrize("variant", WINNABLE, ids=lambda variant: variant.name)
-def test_a_winnable_mission_has_none(variant: Variant) -> None:
+def test_a_winnable_mission_has_no_error(variant: Variant) -> None:
     assert reasons(variant) == []
 
 
 @pytest.mark.parametrize("name", PLAYED)
-def test_the_oracle_wins_a_winnable_one(name: str, tmp_path: Path, session: lingjing.Session) -> None:
+def test_the_oracle_wins_a_winnable_mission(name: str, tmp_path: Path, session: lingjing.Session) -> None:
     (variant,) = (each for each in WINNABLE if each.name == name)
     trace = played(variant, tmp_path, session)
     assert trace.outcome is not None and trace.outcome.success

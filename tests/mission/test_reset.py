@@ -51,7 +51,7 @@ def entity(instance: Instance, name: str) -> Entity:
     return next(entity for entity in instance.entities if entity.id == name)
 
 
-def test_the_listing_is_the_papers_number_for_number() -> None:
+def test_the_listing_has_exactly_the_numbers_of_the_paper() -> None:
     whole = json.loads(LISTING)
     drones = whole["scenario"]["equipmentList"]["droneEntityList"]
     assert whole["taskId"] == "multiagentstasks_test_001"
@@ -95,7 +95,7 @@ def test_the_search_area_bears_31_degrees_from_the_lifeboat_that_heads_30(ssr: m
     assert boat.heading_deg == 30.0
 
 
-def test_more_uavs_than_listed_spread_as_the_template_says(ssr: m.Mission) -> None:
+def test_uavs_beyond_the_listed_ones_are_placed_by_the_template(ssr: m.Mission) -> None:
     mission, _ = read(ssr, LISTING)
     more = instantiate(mission, settings={"uavs": 5})
     assert more.entities[:4] == instantiate(mission).entities[:4]
@@ -104,13 +104,13 @@ def test_more_uavs_than_listed_spread_as_the_template_says(ssr: m.Mission) -> No
         instantiate(mission, settings={"victims": 2})
 
 
-def test_a_bare_scenario_reads_like_its_envelope(ssr: m.Mission) -> None:
+def test_a_scenario_without_its_envelope_gives_the_same_instance(ssr: m.Mission) -> None:
     bare = json.dumps(json.loads(LISTING)["scenario"])
     assert instantiate(read(ssr, bare)[0]) == instantiate(read(ssr, LISTING)[0])
     assert instantiate(read(ssr, "\ufeff" + bare)[0]).mission == "ssr"
 
 
-def test_geodetic_places_and_unreal_yaw(ssr: m.Mission) -> None:
+def test_geodetic_places_and_unreal_yaw_are_converted(ssr: m.Mission) -> None:
     latitude, longitude = frames.to_geodetic(12.4, -1351.8, (31.0, 121.5))
 
     def relocate(scenario: dict[str, Any]) -> None:
@@ -123,7 +123,7 @@ def test_geodetic_places_and_unreal_yaw(ssr: m.Mission) -> None:
     assert boat.heading_deg == pytest.approx(30.0)
 
 
-def test_unequal_headings_go_to_their_members(ssr: m.Mission) -> None:
+def test_different_headings_are_assigned_to_their_entities(ssr: m.Mission) -> None:
     def turn(scenario: dict[str, Any]) -> None:
         for k, drone in enumerate(scenario["equipmentList"]["droneEntityList"]):
             drone["raw"] = 10.0 * k
@@ -172,7 +172,7 @@ def test_a_place_without_height_stands_on_the_datum(ssr: m.Mission) -> None:
         (lambda s: s["taskMatrix"].append(copy.deepcopy(s["taskMatrix"][0])), "the first of 2 rows is played"),
     ],
 )
-def test_what_was_decided_or_kept_is_noted(ssr: m.Mission, edit: Edit, note: str) -> None:
+def test_decisions_and_ignored_fields_are_noted(ssr: m.Mission, edit: Edit, note: str) -> None:
     mission, notes = read(ssr, edited(edit))
     assert any(note in line for line in notes), notes
     assert instantiate(mission).mission == "ssr"
@@ -196,7 +196,7 @@ def test_targets_that_the_template_places_are_noted(ssr: m.Mission) -> None:
             assert sum(note in line for line in read(template, text)[1]) == 1
 
 
-def test_places_that_the_mission_has_nothing_for_are_no_silent_loss(ssr: m.Mission) -> None:
+def test_places_without_a_matching_target_are_an_error_or_a_note(ssr: m.Mission) -> None:
     def swap(scenario: dict[str, Any]) -> None:
         state(scenario)["goalDelPosition"] = state(scenario).pop("rescuePersonPosition")
 
@@ -208,7 +208,7 @@ def test_places_that_the_mission_has_nothing_for_are_no_silent_loss(ssr: m.Missi
     assert any("has no delivery_point or delivery_door; 1 kept, not played" in note for note in notes)
 
 
-def test_weather_changes_only_where_it_contradicts(ssr: m.Mission) -> None:
+def test_a_weather_word_changes_only_contradicting_values(ssr: m.Mission) -> None:
     clear, foggy = (read(ssr, edited(lambda s, w=w: state(s).update(weather=w)))[0] for w in ("clear", "Fog"))  # type: ignore[misc]
     assert clear.weather == ssr.weather
     weather = instantiate(foggy).weather
@@ -217,7 +217,7 @@ def test_weather_changes_only_where_it_contradicts(ssr: m.Mission) -> None:
 
 
 @given(st.floats(1, 50_000), st.floats(0, 1))
-def test_every_sky_has_a_word_that_leaves_it_alone(visibility_m: float, cloud: float) -> None:
+def test_every_visibility_and_cloud_cover_has_a_weather_word_that_fits(visibility_m: float, cloud: float) -> None:
     sky = sky_of(word_for(visibility_m, cloud))
     assert sky is not None and sky.fits(visibility_m, cloud)
 
@@ -226,7 +226,7 @@ def test_typical_values_fit_their_word() -> None:
     assert all(sky.fits(sky.typical_visibility_m, sky.typical_cloud) for sky in SKIES)
 
 
-def test_settings_and_mode_of_the_document(ssr: m.Mission) -> None:
+def test_the_document_sets_the_settings_and_the_mode(ssr: m.Mission) -> None:
     extra = {"mission": "ssr", "mode": "star", "settings": {"altitude": 120}}
     instance = instantiate(read(ssr, edited(lambda s: s.update(lingjing=extra)))[0])
     assert instance.mode == "star" and instance.settings["altitude"] == 120.0
@@ -305,7 +305,7 @@ FAULTS: list[tuple[Edit, str]] = [
 
 
 @pytest.mark.parametrize(("edit", "words"), FAULTS)
-def test_bad_scenarios_name_the_path_and_the_way_out(ssr: m.Mission, edit: Edit, words: str) -> None:
+def test_errors_of_a_scenario_name_the_path_and_have_a_hint(ssr: m.Mission, edit: Edit, words: str) -> None:
     with pytest.raises(MissionError) as caught:
         read(ssr, edited(edit))
     assert str(caught.value).startswith("s.json: ") and words in str(caught.value)
@@ -326,7 +326,9 @@ def test_bad_scenarios_name_the_path_and_the_way_out(ssr: m.Mission, edit: Edit,
         ('{"scenario":' * 50_000, UsageError, "nested too deeply"),
     ],
 )
-def test_unreadable_text_ends_in_one_message(ssr: m.Mission, text: str, error: type[LingjingError], words: str) -> None:
+def test_unreadable_text_gives_one_short_error_message(
+    ssr: m.Mission, text: str, error: type[LingjingError], words: str
+) -> None:
     with pytest.raises(error) as caught:
         read(ssr, text)
     assert words in str(caught.value) and len(str(caught.value)) < 300 and caught.value.hint
@@ -337,13 +339,13 @@ def test_unreadable_text_ends_in_one_message(ssr: m.Mission, text: str, error: t
         st.none() | st.booleans() | st.floats() | st.text(), lambda x: st.lists(x) | st.dictionaries(st.text(), x)
     )
 )
-def test_any_json_ends_in_a_message(ssr: m.Mission, value: object) -> None:
+def test_any_json_value_gives_an_error_message(ssr: m.Mission, value: object) -> None:
     for whole in (value, {"scenario": value}, {"equipmentList": value, "taskMatrix": value}):
         with pytest.raises(LingjingError):
             read(ssr, json.dumps(whole))
 
 
-def test_the_schema_knows_a_place_and_a_satellite_without_one() -> None:
+def test_the_schema_requires_a_place_of_every_entity_except_satellites() -> None:
     validator = jsonschema.Draft202012Validator(msgspec.json.decode(document.schemas()["reset-scenario.schema.json"]))
     orbit = [{"equipmentCode": "SAT-1", "tle1": "1 25544U", "tle2": "2 25544"}]
     assert validator.is_valid(json.loads(edited(lambda s: s["equipmentList"].update(satelliteEntityList=orbit))))
@@ -351,7 +353,7 @@ def test_the_schema_knows_a_place_and_a_satellite_without_one() -> None:
     assert not validator.is_valid(json.loads(edited(lambda s: s["equipmentList"].update(shipEntityList=orbit))))
 
 
-def test_a_template_without_a_count_parameter_takes_the_documents_count(ssr: m.Mission) -> None:
+def test_a_template_without_a_count_parameter_uses_the_count_of_the_document(ssr: m.Mission) -> None:
     fixed = replace(
         ssr,
         parameters=ssr.parameters[2:],

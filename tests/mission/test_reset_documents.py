@@ -1,7 +1,6 @@
-"""Whole `resetScenario` documents in the styles that occur (`wild/`): read and written back.
+"""Whole `resetScenario` documents in the styles of other systems (`wild/`): read and written back.
 
-`pytest tests/mission --update` rewrites the golden notes: what is inferred, passed over or read differently, and only
-that.
+`pytest tests/mission --update` rewrites the golden notes. They name each value that is inferred, ignored or converted.
 """
 
 from __future__ import annotations
@@ -63,7 +62,7 @@ def test_every_document_is_listed() -> None:
 
 
 @pytest.mark.parametrize("name", MISSIONS)
-def test_a_document_is_read_and_comes_back_with_the_same_values(name: str) -> None:
+def test_a_document_round_trips_with_the_same_values(name: str) -> None:
     mission, _ = read(text_of(name), f"{name}.json", TEMPLATES)
     assert mission.name == MISSIONS[name]
     assert emit(mission, plain=True) == text_of(name)
@@ -78,7 +77,7 @@ def test_a_document_is_read_and_comes_back_with_the_same_values(name: str) -> No
 
 
 @pytest.mark.parametrize("name", MISSIONS)
-def test_what_is_inferred_is_noted_and_nothing_else(name: str, request: pytest.FixtureRequest) -> None:
+def test_notes_state_exactly_the_inferred_values(name: str, request: pytest.FixtureRequest) -> None:
     golden = Path(__file__).parent / "golden" / "wild" / f"{name}.txt"
     notes = "\n".join(instance_of(name)[1]) + "\n"
     if request.config.getoption("--update"):
@@ -86,7 +85,7 @@ def test_what_is_inferred_is_noted_and_nothing_else(name: str, request: pytest.F
     assert notes == golden.read_text(encoding="utf-8")
 
 
-def test_weights_spacings_and_headings_arrive() -> None:
+def test_weights_spacings_and_headings_reach_the_instance() -> None:
     instance, _ = instance_of("delivery_uavs")
     wanted = {e.label: e.properties["demand_kg"] for e in instance.entities if e.group == "point"}
     assert wanted == {"d1": 0.4, "d2": 0.4, "d3": 0.8, "d4": 0.3, "d5": 0.5}
@@ -106,7 +105,7 @@ def test_weights_spacings_and_headings_arrive() -> None:
         ("uavdog_queue", "scale", 2, "'shop' has no scale; 'scale' is kept, not played"),
     ],
 )
-def test_a_measure_that_is_none_is_kept_and_noted(name: str, key: str, value: object, note: str) -> None:
+def test_an_invalid_measure_is_kept_and_noted(name: str, key: str, value: object, note: str) -> None:
     whole = json.loads(text_of(name))
     for row in whole["scenario"]["taskMatrix"][0]["initial_state"]["queuingList"]:
         row[key] = value
@@ -116,7 +115,7 @@ def test_a_measure_that_is_none_is_kept_and_noted(name: str, key: str, value: ob
     assert spacing == ({0.8} if key == "spacing" else {0.6, 0.7, 0.8})
 
 
-def test_a_template_of_ones_own_plays_the_range_and_the_scale_of_a_fire(tmp_path: Path) -> None:
+def test_a_template_of_the_user_can_use_the_range_and_the_scale_of_a_fire(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "scenarios" / "reset" / "fire_search.ljs").read_text(encoding="utf-8")
     typed = "target wildfire : building_fire { range = 5 m, scale = 1 }\n\nmission "
     text = text.replace("mission ", typed, 1).replace(" : building_fire {\n", " : wildfire {\n")
@@ -138,7 +137,7 @@ def test_a_template_of_ones_own_plays_the_range_and_the_scale_of_a_fire(tmp_path
         ("uavdog", "equipmentList.droneEntityList", "holds 3, mission 'upr' has one uav"),
     ],
 )
-def test_several_where_the_named_template_has_one_are_an_error(name: str, path: str, message: str) -> None:
+def test_several_entities_are_an_error_if_the_named_template_has_one(name: str, path: str, message: str) -> None:
     whole = json.loads(text_of(name))
     holder = whole["scenario"]
     holder["lingjing"] = {"mission": MISSIONS[name]}
@@ -169,7 +168,7 @@ def test_several_where_the_named_template_has_one_are_an_error(name: str, path: 
         ("uavdog", {"drone": 1, "unmannedDog": 1}, "leak", "upr"),
     ],
 )
-def test_words_that_say_who_is_there_leave_the_task_to_the_hidden_places(
+def test_entities_and_hidden_places_decide_the_template_of_an_ambiguous_task_type(
     word: str, lists: dict[str, int], field: str, mission: str
 ) -> None:
     def fleet(count: int) -> list[dict[str, object]]:
@@ -189,7 +188,7 @@ def test_the_oracle_wins_a_document(tmp_path: Path) -> None:
     assert {binding.privileged for binding in read_trace(report.trace).header.bindings} == {True}
 
 
-def test_the_yaw_of_a_hidden_place_is_its_heading_and_an_empty_place_hides_none() -> None:
+def test_the_yaw_of_a_hidden_place_is_converted_and_an_empty_data_object_is_ignored() -> None:
     plain, _ = instance_of("uavdog_queue")
     whole = json.loads(text_of("uavdog_queue"))
     for row in whole["scenario"]["taskMatrix"][0]["initial_state"]["queuingList"]:

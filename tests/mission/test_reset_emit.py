@@ -30,14 +30,14 @@ def read(ssr: m.Mission, text: str) -> m.Mission:
     return instantiate_document(text, "s.json", {"ssr": ssr}.__getitem__)[0]
 
 
-def test_a_document_comes_back_to_the_letter(ssr: m.Mission) -> None:
+def test_a_document_is_written_back_unchanged(ssr: m.Mission) -> None:
     out = emit(read(ssr, LISTING))
     assert out.replace('\n    "lingjing": {"mission": "ssr"},', "", 1) == LISTING
     assert emit(read(ssr, out)) == out
     assert instantiate(read(ssr, out), seed=4) == instantiate(read(ssr, LISTING), seed=4)
 
 
-def test_a_plain_document_has_no_object_of_this_project(ssr: m.Mission) -> None:
+def test_a_plain_document_has_no_lingjing_object(ssr: m.Mission) -> None:
     assert emit(read(ssr, LISTING), plain=True) == LISTING
     text = emit(ssr, seed=3, plain=True)
     assert "lingjing" not in json.loads(text)["scenario"]
@@ -73,7 +73,7 @@ def test_unknown_fields_survive(fields: dict[str, object], indent: int | str | N
 
 
 @given(st.integers(0, 2**31), st.sampled_from(["star", "broadcast"]), st.integers(1, 6), st.integers(1, 6))
-def test_a_template_comes_back_as_the_same_instance(
+def test_an_emitted_template_is_read_as_the_same_instance(
     ssr: m.Mission, seed: int, mode: str, uavs: int, victims: int
 ) -> None:
     settings = {"uavs": uavs, "victims": victims, "altitude": 120}

@@ -1,4 +1,5 @@
-"""Documents of the shapes that occur in the wild (`made_up/`): the scene comes to them, or they name what lacks."""
+"""Documents in the forms of other systems (`made_up/`): the scene is moved to their places, or an error names what is
+missing."""
 
 from __future__ import annotations
 
@@ -75,7 +76,7 @@ def test_every_document_is_listed() -> None:
 
 
 @pytest.mark.parametrize("number", MISSIONS)
-def test_it_validates_and_comes_back_unchanged(number: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_document_validates_and_is_written_back_unchanged(number: str, capsys: pytest.CaptureFixture[str]) -> None:
     text = FILES[number].read_text(encoding="utf-8")
     mission, notes = read(text, "w.json", TEMPLATES)
     assert mission.name == MISSIONS[number]
@@ -89,18 +90,18 @@ def test_it_validates_and_comes_back_unchanged(number: str, capsys: pytest.Captu
 
 
 @pytest.mark.parametrize("number", REFUSED)
-def test_the_others_name_what_is_missing(number: str) -> None:
+def test_the_error_of_a_refused_document_names_what_is_missing(number: str) -> None:
     with pytest.raises(MissionError, match=REFUSED[number]) as raised:
         loaded(number)
     assert raised.value.hint and "lingjing" in raised.value.hint
     assert any("nothing relates the two" in fault.message for fault in raised.value.faults)
 
 
-# -- the scene comes to the document -----------------------------------------------------------------------------------
+# -- the scene is moved to the document --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("number", [key for key in MISSIONS if key not in ("14", "15")])
-def test_a_scene_holds_all_that_is_placed(number: str) -> None:
+def test_the_scene_contains_every_placed_entity(number: str) -> None:
     instance, notes = loaded(number)
     moved = "beyond the scene of template" in notes
     assert moved == (number in ("01", "02", "03", "04", "05", "06", "07", "08"))
@@ -113,7 +114,7 @@ def test_a_scene_holds_all_that_is_placed(number: str) -> None:
 
 
 @pytest.mark.parametrize(("east", "north"), [(0.0, 0.0), (1_500_000.0, -900_000.0), (-1_900_000.0, 700_000.0)])
-def test_a_document_may_lie_anywhere_within_the_scenes_reach(east: float, north: float) -> None:
+def test_a_document_may_be_shifted_within_the_reach_of_the_scene(east: float, north: float) -> None:
     """The same bodies, up to 24 km from X = Y = 0: the distances between them stay."""
 
     def move(scenario: Json) -> None:
@@ -124,14 +125,14 @@ def test_a_document_may_lie_anywhere_within_the_scenes_reach(east: float, north:
     plain, _ = loaded("05")
     instance, _ = loaded("05", move)
     ways = [
-        [round(b[k] - a[k], 3) for a, b in zip(at(one, "uav"), at(one, "uav")[1:], strict=False) for k in (0, 1)]
-        for one in (plain, instance)
+        [round(b[k] - a[k], 3) for a, b in zip(at(each, "uav"), at(each, "uav")[1:], strict=False) for k in (0, 1)]
+        for each in (plain, instance)
     ]
     assert ways[0] == ways[1]
     assert instance.scene.options["extent_m"] == plain.scene.options["extent_m"]
 
 
-def test_a_template_with_a_structure_comes_as_a_whole() -> None:
+def test_a_template_with_a_structure_is_moved_as_a_whole() -> None:
     """The UAV of a bridge inspection begins where the template has it, at the bridge's head."""
     plain = instantiate(TEMPLATES("bi"), seed=1)
     instance, _ = loaded("01")
@@ -145,7 +146,7 @@ def test_a_template_with_a_structure_comes_as_a_whole() -> None:
     assert bridge[0] == pytest.approx((before[0][0] + by[0], before[0][1] + by[1]), abs=1.0)  # type: ignore[index]
 
 
-def test_what_is_wider_than_any_scene_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_places_wider_apart_than_any_scene_are_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     whole = json.loads(FILES["05"].read_text(encoding="utf-8"))
     listed(whole, "droneEntityList")[0]["data"]["X"] += 1_500_000.0
     file = tmp_path / "w.json"
@@ -155,7 +156,7 @@ def test_what_is_wider_than_any_scene_is_an_error(tmp_path: Path, capsys: pytest
 
 
 @pytest.mark.parametrize("centre", [(39.83, 109.9455), (-33.9, 18.4), (64.1, -21.9), (0.5, -78.5)])
-def test_degrees_may_lie_anywhere_on_earth(centre: tuple[float, float]) -> None:
+def test_geodetic_places_may_lie_anywhere_on_earth(centre: tuple[float, float]) -> None:
     """The middle of the range is the origin, wherever most of the places lie."""
 
     def move(scenario: Json) -> None:
@@ -171,7 +172,7 @@ def test_degrees_may_lie_anywhere_on_earth(centre: tuple[float, float]) -> None:
     assert f"origin is assumed to be at {instance.scene.origin[0]:g}" in notes
 
 
-def test_mixed_frames_are_placed_where_one_origin_ties_them() -> None:
+def test_a_declared_origin_relates_places_in_degrees_to_places_in_metres() -> None:
     instance, _ = loaded("09", lambda scenario: scenario.update(lingjing={"origin": [39.93, 110.08]}))
     (uav,), (dog,) = at(instance, "uav"), at(instance, "dog")
     assert uav[:2] == (-4552.005, -2119.0025)
@@ -182,7 +183,7 @@ def test_mixed_frames_are_placed_where_one_origin_ties_them() -> None:
 # -- bodies alone ------------------------------------------------------------------------------------------------------
 
 
-def test_a_free_mission_hides_nothing_and_lasts_as_long_as_the_document_says() -> None:
+def test_a_free_mission_has_no_targets_and_the_budget_of_the_document() -> None:
     instance, notes = loaded("08")
     assert [len(at(instance, group)) for group in ("uav", "dog", "car")] == [10, 5, 3]
     assert not any(entity.role == "target" or entity.hidden for entity in instance.entities)
@@ -206,7 +207,7 @@ def test_ships_are_placed_at_sea() -> None:
 @pytest.mark.parametrize(
     "value", [{"status": "pending"}, {"position": {"status": "待定"}}, {"note": "to be set later"}]
 )
-def test_a_place_that_comes_later_is_absent(value: Json) -> None:
+def test_a_pending_place_is_treated_as_absent(value: Json) -> None:
     instance, notes = loaded("05", lambda scenario: state(scenario).update(target_house=value))
     assert instance.mission == "free" and "target_house: has no place yet" in notes
     instance, _ = loaded("04")
@@ -216,17 +217,17 @@ def test_a_place_that_comes_later_is_absent(value: Json) -> None:
 # -- goals of one UAV each ---------------------------------------------------------------------------------------------
 
 
-def test_every_goal_stays_with_its_uav() -> None:
+def test_every_goal_is_assigned_to_its_uav() -> None:
     goals = {"10": [(110.0, -25.0), (75.0, -85.0), (140.0, 45.0)], "11": [(11.1, 11.1)]}
     goals["16"] = goals["10"]
     for number, places in goals.items():
         instance, notes = loaded(number)
-        assert [place[:2] for place in at(instance, "goal")] == [pytest.approx(one, abs=0.1) for one in places]
+        assert [place[:2] for place in at(instance, "goal")] == [pytest.approx(goal, abs=0.1) for goal in places]
         assert "rows is played" not in notes
     assert [entity.label for entity in instance.entities if entity.group == "uav"] == ["U-01", "U-02", "U-03"]
 
 
-def test_a_row_names_its_uav() -> None:
+def test_the_goal_of_a_row_is_assigned_to_the_uav_that_the_row_names() -> None:
     def swap(scenario: Json) -> None:
         rows = scenario["taskMatrix"]
         rows[0]["goal"], rows[2]["goal"] = rows[2]["goal"], rows[0]["goal"]
@@ -242,33 +243,33 @@ def test_a_row_names_its_uav() -> None:
     assert len(at(instance, "goal")) == 2 and "no goal belongs to 'drone1'" in notes
 
 
-def test_goals_that_nothing_gives_to_a_uav_are_an_error() -> None:
-    def more(scenario: Json) -> None:
+def test_goals_that_are_not_assigned_to_uavs_are_an_error() -> None:
+    def drop_a_uav(scenario: Json) -> None:
         listed(scenario, "droneEntityList").pop()
 
     with pytest.raises(MissionError, match="holds 3 goals for 2 UAVs, and nothing assigns them"):
-        loaded("16", more)
+        loaded("16", drop_a_uav)
 
 
-def test_one_goal_of_several_uavs_is_everybodys() -> None:
-    def one(scenario: Json) -> None:
+def test_a_single_goal_applies_to_every_uav() -> None:
+    def keep_one_row(scenario: Json) -> None:
         del scenario["taskMatrix"][1:]
         scenario["taskMatrix"][0]["goal"] = "Fly to the goal."
 
-    instance, notes = loaded("16", one)
+    instance, notes = loaded("16", keep_one_row)
     assert len(at(instance, "goal")) == 3 and len(set(at(instance, "goal"))) == 1
     assert "one goal for 3 UAVs: each flies there" in notes
 
 
 @pytest.mark.parametrize(("task", "mission"), [("bridge", "bi_fleet"), ("deliverytask", "goals"), ("", "goals")])
-def test_no_task_becomes_another_kind(task: str, mission: str) -> None:
+def test_the_task_type_of_a_document_with_goals_selects_the_template(task: str, mission: str) -> None:
     assert loaded("16", lambda scenario: scenario.update(task_type=task))[0].mission == mission
 
 
-# -- what is inferred --------------------------------------------------------------------------------------------------
+# -- inferred values ---------------------------------------------------------------------------------------------------
 
 
-def test_bodies_that_would_overlap_as_centimetres_are_in_metres() -> None:
+def test_coordinates_are_read_as_metres_if_bodies_would_overlap_in_centimetres() -> None:
     instance, notes = loaded("13")
     assert at(instance, "truck") == [(-25.0, 0.0, 0.0), (-25.0, -12.0, 0.0)] and "are read as metres" in notes
     for edit in (
@@ -281,7 +282,7 @@ def test_bodies_that_would_overlap_as_centimetres_are_in_metres() -> None:
         loaded("13", lambda s: (s.update(lingjing={"unit": "m"}), state(s).update(coordinate_system="UE_XYZ_cm")))
 
 
-def test_a_unit_beside_coordinates_agrees_with_what_is_read() -> None:
+def test_a_unit_that_contradicts_the_inferred_unit_is_an_error() -> None:
     loaded("13", lambda scenario: state(scenario).update(unit="m"))
     with pytest.raises(MissionError, match="says 'm', and X, Y and Z are read in centimetres") as raised:
         loaded("16", lambda scenario: state(scenario).update(unit="m"))
@@ -289,7 +290,7 @@ def test_a_unit_beside_coordinates_agrees_with_what_is_read() -> None:
 
 
 @pytest.mark.parametrize("unit", ["cm", "m"])
-def test_where_both_units_are_plausible_the_document_must_say(unit: str) -> None:
+def test_the_document_must_state_the_unit_if_both_units_are_plausible(unit: str) -> None:
     def alone(scenario: Json) -> None:
         listed(scenario, "autoVehicleEntityList").pop()
 
@@ -303,14 +304,14 @@ def test_where_both_units_are_plausible_the_document_must_say(unit: str) -> None
     assert at(instance, "truck")[0][:2] == (-25.0, 0.0)
 
 
-def test_bodies_side_by_side_are_no_sign_of_metres() -> None:
+def test_close_bodies_do_not_imply_metres() -> None:
     """Dogs 40 cm apart, and heights of 2.4 km below everything: no scene is as large in metres."""
     instance, notes = loaded("06")
     assert at(instance, "dog")[1][0] - at(instance, "dog")[0][0] == pytest.approx(0.4)
     assert "read as metres" not in notes
 
 
-def test_a_yaw_beats_a_placeholder() -> None:
+def test_a_yaw_is_used_instead_of_a_placeholder() -> None:
     instance, notes = loaded("01")
     (uav,) = (entity for entity in instance.entities if entity.group == "uav")
     assert uav.heading_deg == 180.0 and "yaw, raw disagree; yaw is used" in notes
@@ -345,7 +346,7 @@ def test_delivery_points_of_several_rows_are_goals_and_those_of_one_row_are_shar
         assert instance.mission == "air_delivery" and len(at(instance, "point")) == 3
 
 
-def test_a_goal_is_no_leak_and_no_fracture_unless_a_word_says_so() -> None:
+def test_a_goal_is_read_as_a_leak_or_a_fracture_only_if_the_document_names_one() -> None:
     def with_dog(scenario: Json, goal: str = "Go to the goal.") -> None:
         dog = {"equipmentCode": "D", "data": {"X": 500.0, "Y": 0.0}}
         scenario["equipmentList"]["unmannedDogEntityList"] = [dog]
@@ -366,12 +367,12 @@ def test_a_goal_is_no_leak_and_no_fracture_unless_a_word_says_so() -> None:
         ("goals", {"goals": 1}),
     ],
 )
-def test_the_templates_come_back_from_a_document(name: str, settings: dict[str, float]) -> None:
+def test_emitted_templates_are_read_as_the_same_instance(name: str, settings: dict[str, float]) -> None:
     again, _ = read(emit(TEMPLATES(name), seed=1, settings=settings), "w.json", TEMPLATES)
     assert instantiate(again, seed=1) == instantiate(TEMPLATES(name), seed=1, settings=settings)
 
 
-def test_uavs_over_a_plateau_fly_over_its_ground() -> None:
+def test_heights_above_a_plateau_are_relative_to_the_ground() -> None:
     def lift(scenario: Json) -> None:
         for k, drone in enumerate(listed(scenario, "droneEntityList")):
             drone["data"] = {"lon": 109.94 + 0.001 * k, "lat": 39.83, "alt": 1342.0 + k}
@@ -382,7 +383,7 @@ def test_uavs_over_a_plateau_fly_over_its_ground() -> None:
 
 
 @pytest.mark.parametrize("number", ["10", "11", "16"])
-def test_it_is_played(number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_heuristic_wins_a_document(number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The heuristic wins, and the notes are printed again. The longest document is in `tests/episodes`."""
     arguments = ["run", str(FILES[number]), "--seed", "1", "--no-overview", "-o", str(tmp_path / "out")]
     assert run_command(arguments) == ExitCode.OK
@@ -392,13 +393,13 @@ def test_it_is_played(number: str, tmp_path: Path, capsys: pytest.CaptureFixture
 
 @pytest.mark.study  # minutes each
 @pytest.mark.parametrize("number", [number for number in MISSIONS if number not in ("06", "10", "11", "16")])
-def test_the_oracle_wins_it(number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_oracle_wins_a_document(number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["run", str(FILES[number]), "--seed", "1", "--policy", "oracle", "--no-overview"]
     assert run_command([*arguments, "-o", str(tmp_path / "out")]) == ExitCode.OK
     assert "success: yes" in capsys.readouterr().out
 
 
-def test_a_dog_on_the_road_of_a_vehicle_that_it_waits_for_begins_beside_it() -> None:
+def test_a_dog_that_waits_for_a_vehicle_begins_beside_the_road() -> None:
     """Document 04 places its dog on the street that its van comes along, 38 m before the stop."""
     instance, _ = loaded("04")
     placed, city = CityBuilder(PluginHost()).place(instance, imported=True)
@@ -409,7 +410,7 @@ def test_a_dog_on_the_road_of_a_vehicle_that_it_waits_for_begins_beside_it() -> 
     assert math.dist(van.position[:2], (-1935.0, -472.0)) < 50.0
 
 
-def test_rows_say_less_or_more_than_one_goal() -> None:
+def test_a_row_may_have_several_goals_or_none() -> None:
     def listed_in_one(scenario: Json) -> None:
         goals = [row["initial_state"]["goalPosition"] for row in scenario["taskMatrix"]]
         del scenario["taskMatrix"][1:]
@@ -425,7 +426,9 @@ def test_rows_say_less_or_more_than_one_goal() -> None:
         loaded("16", second("over there"))
 
 
-def test_what_lies_beyond_every_scene_keeps_its_template(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_places_beyond_every_scene_are_reported_as_outside_of_the_scene(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     whole = json.loads(FILES["06"].read_text(encoding="utf-8"))
     for dog in listed(whole, "unmannedDogEntityList"):
         dog["data"]["X"] += 20_000_000.0

@@ -43,7 +43,7 @@ def read(nine: Nine, text: str) -> tuple[m.Mission, tuple[str, ...]]:
 
 
 def foreign(nine: Nine, name: str, edit: Edit = lambda scenario: None) -> str:
-    """A document of a mission as others write it: nothing of `lingjing` in it, and with a change made."""
+    """A document of a mission as other systems write it: without the object `lingjing`, and with a change made."""
     whole = json.loads(emit(nine[name], seed=1))
     del whole["scenario"]["lingjing"]
     whole["scenario"]["collaborationType"] = "多智能体协同"
@@ -64,12 +64,12 @@ def places(instance: Instance) -> dict[str, tuple[float, float, float]]:
     return {entity.id: entity.position for entity in instance.entities}
 
 
-# -- the way out and back -------------------------------------------------------------------------------------------
+# -- writing and reading again --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", [0, 1, 7])
 @pytest.mark.parametrize("name", NAMES)
-def test_every_mission_comes_back_as_the_same_instance(nine: Nine, name: str, seed: int) -> None:
+def test_every_emitted_mission_is_read_as_the_same_instance(nine: Nine, name: str, seed: int) -> None:
     for mode in nine[name].modes.allowed:
         text = emit(nine[name], seed=seed, mode=mode)
         again, notes = read(nine, text)
@@ -90,13 +90,13 @@ def test_every_mission_comes_back_as_the_same_instance(nine: Nine, name: str, se
         ("upr", {"guidance_steps": 10, "high": 100}),
     ],
 )
-def test_settings_come_back(nine: Nine, name: str, settings: dict[str, float]) -> None:
+def test_emitted_settings_are_read_as_the_same_instance(nine: Nine, name: str, settings: dict[str, float]) -> None:
     again, _ = read(nine, emit(nine[name], seed=3, settings=settings))
     assert instantiate(again, seed=3) == instantiate(nine[name], seed=3, settings=settings)
 
 
 @pytest.mark.parametrize("file", TWINS, ids=lambda file: file.stem)
-def test_twins_are_valid_stable_and_whole(nine: Nine, file: Path) -> None:
+def test_twin_documents_are_valid_and_round_trip_without_a_loss(nine: Nine, file: Path) -> None:
     text = file.read_text(encoding="utf-8")
     jsonschema.validate(json.loads(text), msgspec.json.decode(document.schemas()["reset-scenario.schema.json"]))
     mission, notes = instantiate_document(text, file.name, nine.__getitem__)
@@ -111,11 +111,11 @@ def test_twins_are_valid_stable_and_whole(nine: Nine, file: Path) -> None:
         assert instantiate(mission, seed=1) == instantiate(nine[name], seed=1)
 
 
-def test_there_is_a_twin_for_each_mission() -> None:
+def test_each_mission_has_a_twin_document() -> None:
     assert [file.stem for file in TWINS] == [f"{name}-001" for name in NAMES]
 
 
-def test_unknown_fields_come_back_to_the_letter(nine: Nine) -> None:
+def test_unknown_fields_are_noted_and_written_back_unchanged(nine: Nine) -> None:
     def add(scenario: Scenario) -> None:
         scenario["lingjing"] = {"mission": "cd"}
         scenario["附注"] = {"x": [1, None, 2.50]}
@@ -130,10 +130,10 @@ def test_unknown_fields_come_back_to_the_letter(nine: Nine) -> None:
     assert "$.scenario.equipmentList.autoVehicleEntityList[]: 'battery' not understood and kept" in notes
 
 
-# -- which template -------------------------------------------------------------------------------------------------
+# -- the choice of a template ---------------------------------------------------------------------------------------
 
 
-def test_signatures_are_those_of_the_compiled_missions(nine: Nine) -> None:
+def test_signatures_match_the_compiled_missions(nine: Nine) -> None:
     driven = {entity_list.engine for entity_list in LISTS}
     for signature in signatures():
         groups = at_tier(nine[signature.mission]).groups
@@ -150,7 +150,7 @@ def test_signatures_are_those_of_the_compiled_missions(nine: Nine) -> None:
 
 
 @pytest.mark.parametrize("name", FLEETS)
-def test_a_fleet_has_what_its_mission_has_and_takes_several_of_it(nine: Nine, name: str) -> None:
+def test_a_fleet_template_has_the_groups_of_its_mission_with_counts(nine: Nine, name: str) -> None:
     mission, fleet = nine[name], nine[fleet_of(name)]
     held = [{(g.name, (g.type, *g.bases)[-1], g.role) for g in at_tier(each).groups} for each in (mission, fleet)]
     assert held[0] == held[1]
@@ -162,7 +162,7 @@ def test_a_fleet_has_what_its_mission_has_and_takes_several_of_it(nine: Nine, na
         assert notes[0] == f"template '{fleet.name}': named by 'lingjing'"
 
 
-def test_no_field_means_two_things() -> None:
+def test_no_spelling_belongs_to_two_fields() -> None:
     table = [field.spellings for field in FIELDS]
     assert sum(map(len, table)) == len(frozenset().union(*table))
 
@@ -220,7 +220,7 @@ def _only_words(scenario: Scenario) -> None:
         ("cd", lambda s: s.update(equipmentList={}), "no template fits a scenario of warehousePosition and"),
     ],
 )
-def test_what_is_ambiguous_or_unknown_lists_candidates_and_the_way_out(
+def test_the_error_of_an_ambiguous_or_unknown_document_lists_candidates_and_a_hint(
     nine: Nine, name: str, edit: Edit, words: str
 ) -> None:
     with pytest.raises(MissionError) as caught:
@@ -262,10 +262,10 @@ def _nested(rows: list[Scenario]) -> list[Scenario]:
         ("ssr", lambda s: s.update(rescuePersonPosition=state(s).pop("rescuePersonPosition"))),
         ("vdn", lambda s: s["taskMatrix"][0].update(goalPosition=state(s).pop("goalPosition"))),
         ("cr", lambda s: s["equipmentList"].update(dict.fromkeys(("shipEntityList", "planeEntityList")))),
-        ("ld", lambda s: [s["equipmentList"].pop(one) for one in ("satelliteEntityList", "planeEntityList")]),
+        ("ld", lambda s: [s["equipmentList"].pop(key) for key in ("satelliteEntityList", "planeEntityList")]),
     ],
 )
-def test_hidden_places_are_found_under_many_names(nine: Nine, name: str, edit: Edit) -> None:
+def test_hidden_places_are_recognised_under_many_field_names(nine: Nine, name: str, edit: Edit) -> None:
     mission, notes = read(nine, foreign(nine, name, edit))
     instance = instantiate(mission)
     assert places(instance) == places(instantiate(nine[name], seed=1))
@@ -289,7 +289,7 @@ def test_weights_become_demands(nine: Nine) -> None:
     assert all(entity.state == (StateSpec(name="demand", unit="kg"),) for entity in points)
 
 
-def test_a_weight_that_is_missing_or_has_no_place(nine: Nine) -> None:
+def test_a_missing_or_negative_weight_is_an_error_and_an_unused_weight_is_noted(nine: Nine) -> None:
     with pytest.raises(MissionError, match=r"deliveryPoints\[1\]: has no weight while others have one"):
         read(nine, foreign(nine, "cd", lambda s: state(s)["deliveryPoints"][1].pop("weight")))
     with pytest.raises(MissionError, match=r"deliveryPoints\[1\]\.weight: is -3, at least 0 is due"):
@@ -298,7 +298,7 @@ def test_a_weight_that_is_missing_or_has_no_place(nine: Nine) -> None:
     assert any("'leak' has no demand; 'weight' is kept, not played" in note for note in notes)
 
 
-def test_geodetic_targets_and_two_spellings_that_disagree(nine: Nine) -> None:
+def test_geodetic_targets_are_converted_and_disagreeing_coordinates_are_noted(nine: Nine) -> None:
     latitude, longitude = frames.to_geodetic(150.0, 20.0, (31.0, 121.5))
     goal = {"lon": longitude, "lat": latitude, "alt": 2.0}
     mission, notes = read(nine, foreign(nine, "vdn", lambda s: state(s).update(goalPosition=goal)))
@@ -334,7 +334,7 @@ def test_geodetic_targets_and_two_spellings_that_disagree(nine: Nine) -> None:
         ("bi", lambda s: s["equipmentList"].update(tankEntityList=[]), "'tankEntityList' not understood"),
     ],
 )  # fmt: skip
-def test_what_is_kept_or_decided_is_noted(nine: Nine, name: str, edit: Edit, note: str) -> None:
+def test_decisions_and_ignored_fields_are_noted(nine: Nine, name: str, edit: Edit, note: str) -> None:
     text = foreign(nine, name, edit)
     mission, notes = read(nine, text)
     assert any(note in line for line in notes), notes
@@ -382,7 +382,7 @@ def watched(mission: m.Mission) -> m.Mission:
         {"tle": ["国际空间站", *ISS], "data": {"lon": 121.5, "lat": 31.0, "alt": 420e3}},
     ],
 )
-def test_satellites_fly_by_their_elements(nine: Nine, lines: Scenario) -> None:
+def test_satellites_have_the_orbital_elements_of_the_document(nine: Nine, lines: Scenario) -> None:
     high = 420e3 if "lat" in lines.get("data", {}) else 550e3
     satellite = {"equipmentCode": "SAT-1", **lines}
     text = foreign(nine, "ufr", lambda s: s["equipmentList"].update(satelliteEntityList=[satellite]))
@@ -403,7 +403,7 @@ def test_satellites_fly_by_their_elements(nine: Nine, lines: Scenario) -> None:
         ((ISS[0], ISS[1][:50]), "line 2 of its elements is not 69 characters"),
     ],
 )
-def test_elements_are_checked(lines: tuple[str, ...], fault: str) -> None:
+def test_orbital_elements_are_checked(lines: tuple[str, ...], fault: str) -> None:
     assert elements_fault(lines).startswith(fault) and bool(elements_fault(lines)) == bool(fault)
 
 
@@ -414,7 +414,7 @@ NUMBERS = {
 
 
 @pytest.mark.parametrize("holder", [lambda n: {"tle": n}, lambda n: {"data": n}, lambda n: n])
-def test_elements_may_be_numbers(nine: Nine, holder: Callable[[Scenario], Scenario]) -> None:
+def test_orbital_elements_may_be_numbers(nine: Nine, holder: Callable[[Scenario], Scenario]) -> None:
     satellite = {"equipmentCode": "SAT-1", **holder(dict(NUMBERS))}
     text = foreign(nine, "ufr", lambda s: s["equipmentList"].update(satelliteEntityList=[satellite]))
     properties = instantiate(read({**nine, "ufr": watched(nine["ufr"])}, text)[0]).entities[-1].properties
@@ -424,13 +424,13 @@ def test_elements_may_be_numbers(nine: Nine, holder: Callable[[Scenario], Scenar
 
 
 @pytest.mark.parametrize("edit", [{"inclination": "high"}, {"epoch": None}, {"eccentricity": 1.5}])
-def test_numbers_that_are_no_elements_are_kept(nine: Nine, edit: Scenario) -> None:
+def test_numbers_that_are_no_orbital_elements_are_not_used(nine: Nine, edit: Scenario) -> None:
     satellite = {"equipmentCode": "SAT-1", "tle": {**NUMBERS, **edit}}
     text = foreign(nine, "ufr", lambda s: s["equipmentList"].update(satelliteEntityList=[satellite]))
     assert instantiate(read({**nine, "ufr": watched(nine["ufr"])}, text)[0]).entities[-1].properties["tle1"] == ""
 
 
-def test_bad_elements_are_kept_and_noted(nine: Nine) -> None:
+def test_invalid_orbital_elements_are_noted_and_not_used(nine: Nine) -> None:
     satellite = {"equipmentCode": "SAT-1", "tle1": ISS[0][:40], "tle2": ISS[1]}
     text = foreign(nine, "ufr", lambda s: s["equipmentList"].update(satelliteEntityList=[satellite]))
     mission, notes = read({**nine, "ufr": watched(nine["ufr"])}, text)
@@ -438,7 +438,7 @@ def test_bad_elements_are_kept_and_noted(nine: Nine) -> None:
     assert instantiate(mission).entities[-1].properties["tle1"] == ""
 
 
-def test_fields_that_nothing_reads_may_hold_anything(nine: Nine) -> None:
+def test_unread_fields_may_have_any_value(nine: Nine) -> None:
     def fill(scenario: Scenario) -> None:
         scenario["sceneRegion"] = ["园区", 3]
         scenario["taskMatrix"][0].update(task_id=17, taskLevel={"level": 2})
@@ -451,7 +451,7 @@ def test_fields_that_nothing_reads_may_hold_anything(nine: Nine) -> None:
     assert jsonschema.Draft202012Validator(schema).is_valid(json.loads(text))
 
 
-def test_codes_may_be_numbers(nine: Nine) -> None:
+def test_equipment_codes_and_target_ids_may_be_numbers(nine: Nine) -> None:
     def number(scenario: Scenario) -> None:
         scenario["equipmentList"]["autoVehicleEntityList"][0]["equipmentCode"] = 7
         state(scenario)["goalFirePosition"][0]["targetId"] = 0
@@ -460,7 +460,7 @@ def test_codes_may_be_numbers(nine: Nine) -> None:
     assert labels["truck"] == "7" and labels["fire[1]"] == "0" and labels["fire[2]"] == ""
 
 
-def test_a_field_with_places_wins_over_an_empty_one_and_two_are_noted(nine: Nine) -> None:
+def test_a_field_with_places_precedes_an_empty_one_and_a_second_field_is_noted(nine: Nine) -> None:
     def split(scenario: Scenario) -> None:
         state(scenario)["fire_spots"] = state(scenario)["goalFirePosition"]
         state(scenario)["goalFirePosition"] = []
@@ -476,7 +476,7 @@ def test_a_field_with_places_wins_over_an_empty_one_and_two_are_noted(nine: Nine
         read(nine, foreign(nine, "ufr", lambda s: state(s).update(fire_spots=spots)))
 
 
-def test_the_search_area_of_other_missions(nine: Nine) -> None:
+def test_the_search_area_of_a_document_replaces_the_region_of_the_mission(nine: Nine) -> None:
     corners = [
         {"X": x, "Y": y} for x, y in ((-20_000.0, 0.0), (20_000.0, 0.0), (20_000.0, -30_000.0), (-20_000.0, -30_000.0))
     ]
@@ -489,7 +489,7 @@ def test_the_search_area_of_other_missions(nine: Nine) -> None:
     assert instantiate(mission).regions == instantiate(nine["bi"]).regions
 
 
-def test_groups_without_a_field_of_their_own_come_back_by_name(nine: Nine) -> None:
+def test_groups_without_a_field_of_their_own_are_written_and_read_by_name(nine: Nine) -> None:
     queue = msgspec.structs.replace(
         next(g for g in nine["ufr"].groups if g.name == "fire"), name="second", type="beacon", count=None
     )

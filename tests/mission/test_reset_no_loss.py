@@ -1,4 +1,4 @@
-"""`resetScenario` documents of other writers: nothing they say is dropped or read in another way without a word."""
+"""`resetScenario` documents of other systems: each value is used, noted or refused, and none is dropped silently."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_the_hidden_places_of_every_row_are_played() -> None:
     assert "the first of 2 rows is played, with the hidden places of the others" in notes
 
 
-def test_what_several_rows_repeat_counts_once() -> None:
+def test_a_place_that_several_rows_repeat_counts_once() -> None:
     fire = {"goalFirePosition": [xyz(9000.0, 5000.0, fireId="F-1")]}
     _, instance, _ = loaded(document(fire, fire, {"goalFirePosition": xyz(9000.0, 5000.0)}, uav=UAVS))
     assert at(instance, "fire") == [(90.0, -50.0)]
@@ -85,21 +85,21 @@ def test_rows_of_two_tasks_are_an_error() -> None:
     assert "mission 'ufr' has no person_in_water; 1 kept, not played" in loaded(named)[2]
 
 
-def test_a_task_type_of_a_later_row_counts() -> None:
+def test_a_contradicting_task_type_in_a_later_row_is_an_error() -> None:
     whole = document({"goalFirePosition": [xyz(9000.0, 5000.0)]}, {}, uav=UAVS)
     for row, word in zip(whole["taskMatrix"], ("fire_rescue", "bridge"), strict=True):
         row["task_type"] = word
     assert "contradicts the other task type" in refused(whole)
 
 
-def test_a_place_that_the_named_task_has_nothing_for_is_an_error() -> None:
+def test_a_place_without_a_target_in_the_named_mission_is_an_error() -> None:
     whole = document({"goalFirePosition": [xyz(9000.0, 5000.0)]}, uav=UAVS[:1], top={"taskType": "bridge"})
     message = refused(whole)
     assert "mission 'bi' has no building_fire or fire_source; its entries (1) would be ignored" in message
     assert '"lingjing": {"mission": "bi"}' in message
 
 
-def test_cars_with_goals_in_rows_keep_every_destination_and_the_note_says_what_is_not_kept() -> None:
+def test_cars_with_goals_in_rows_keep_every_destination_and_lost_assignments_are_noted() -> None:
     rows = [
         {"vehicle_id": "car2", "goalPosition": xyz(2e4, 0.0)},
         {"vehicle_id": "car1", "goalPosition": xyz(0.0, 2e4)},
@@ -109,14 +109,14 @@ def test_cars_with_goals_in_rows_keep_every_destination_and_the_note_says_what_i
     assert "the rows name 'car2', 'car1'; in mission 'cr_fleet' any of them may serve each place" in notes
 
 
-def test_goals_that_name_their_uavs_stay_theirs_beside_other_bodies() -> None:
+def test_goals_that_name_uavs_keep_their_assignment_beside_other_bodies() -> None:
     rows = [{"uav_id": "uav2", "goalPosition": xyz(9000.0, 0.0)}, {"uav_id": "uav1", "goalPosition": xyz(0.0, 9000.0)}]
     mission, instance, notes = loaded(document(*rows, uav=UAVS, dog=[xyz(1000.0, 1000.0)]))
     assert mission.name == "goals" and at(instance, "goal") == [(0.0, -90.0), (90.0, 0.0)]
     assert "mission 'goals' has no quadruped; 1 kept, not played" in notes and "uav_id" not in notes
 
 
-def test_goals_in_rows_that_may_be_uavs_or_a_dogs_are_an_error() -> None:
+def test_goals_that_may_belong_to_uavs_or_to_a_dog_are_an_error() -> None:
     rows = [{"goalPosition": xyz(9000.0, 0.0)}, {"goalPosition": xyz(0.0, 9000.0)}]
     bodies = {"uav": UAVS, "dog": [xyz(1000.0, 1000.0)]}
     assert "several templates fit goalPosition" in refused(document(*rows, **bodies))
@@ -124,7 +124,7 @@ def test_goals_in_rows_that_may_be_uavs_or_a_dogs_are_an_error() -> None:
     assert at(loaded(named)[1], "goal") == [(90.0, 0.0), (0.0, -90.0)]
 
 
-# -- places that are none ----------------------------------------------------------------------------------------------
+# -- pending and incomplete places -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("value", [{}, xyz(0, 0.0, status="pending"), {"state": "待定", "data": {"lon": 0, "lat": 0}}])
@@ -135,24 +135,24 @@ def test_a_place_of_zeros_that_is_pending_is_absent(value: Json) -> None:
 
 
 @pytest.mark.parametrize("value", [xyz(0.0, 0.0, status="ready"), xyz(12000.0, 0.0, status="pending"), xyz(0.0, 0.0)])
-def test_a_place_that_is_given_counts(value: Json) -> None:
+def test_a_place_counts_unless_it_is_zero_and_pending(value: Json) -> None:
     assert len(at(loaded(document({"goalPosition": value}, uav=UAVS[:1]))[1], "goal")) == 1
 
 
-def test_a_body_that_flies_and_has_no_height_is_noted() -> None:
+def test_a_flying_body_without_a_height_is_noted() -> None:
     whole = document({"goalPosition": {"X": 12000.0, "Y": 0.0}}, uav=[{"X": 0.0, "Y": 0.0}], dog=[])
     assert "droneEntityList[0].data: gives no height (Z or alt); it begins on the surface below" in loaded(whole)[2]
     assert "gives no height" not in loaded(document({}, uav=UAVS, dog=[{"X": 0.0, "Y": 0.0}]))[2]
 
 
-def test_a_body_may_lie_under_position() -> None:
+def test_the_place_of_a_body_may_have_the_key_position() -> None:
     whole = document({"goalPosition": xyz(12000.0, 0.0)}, uav=[xyz(500.0, 200.0, 3000.0)])
     body = whole["equipmentList"]["droneEntityList"][0]
     body["position"] = body.pop("data")
     assert at(loaded(whole)[1], "uav") == [(5.0, -2.0)]
 
 
-def test_a_start_that_the_initial_state_gives_elsewhere_is_noted() -> None:
+def test_a_start_position_that_differs_from_the_entity_list_is_noted() -> None:
     starts = {"uav_start_positions": {"uav1": UAVS[0], "uav2": UAVS[0]}, "dog_start_position": xyz(1.0, 1.0)}
     notes = loaded(document(starts, uav=UAVS, dog=[xyz(1.0, 1.0)]))[2]
     assert "uav_start_positions.uav2: is not the place of a listed body; the lists of entities are used" in notes
@@ -169,7 +169,7 @@ def test_a_start_that_the_initial_state_gives_elsewhere_is_noted() -> None:
     ("system", "message"),
     [("local_ENU", "whose axes are not Unreal's"), ("NED", "whose axes are not"), ("WGS84", "places have X and Y")],
 )
-def test_axes_that_are_not_unreals_are_an_error_that_the_unit_settles(system: str, message: str) -> None:
+def test_axes_of_another_system_are_an_error_unless_the_unit_is_declared(system: str, message: str) -> None:
     state = {"coordinate_system": system, "goalPosition": xyz(12000.0, 0.0, 3000.0)}
     assert message in refused(document(state, uav=UAVS[:1]))
     with_unit = document(state, uav=UAVS[:1], top={"lingjing": {"unit": "cm"}})
@@ -184,7 +184,7 @@ def test_a_coordinate_system_that_is_not_understood_is_noted_and_degrees_may_be_
     assert "coordinate_system" not in loaded(whole)[2]
 
 
-def test_degrees_tens_of_kilometres_from_x_and_y_name_the_two_that_disagree() -> None:
+def test_degrees_tens_of_kilometres_from_x_and_y_are_an_error() -> None:
     body = {"lon": 121.48, "lat": 31.23, "alt": 30.0}
     message = refused(document({"goalPosition": xyz(12000.0, 0.0)}, uav=[body]))
     assert "droneEntityList[0].data: is in degrees and" in message and "nothing relates the two" in message
@@ -197,7 +197,7 @@ def test_degrees_tens_of_kilometres_from_x_and_y_name_the_two_that_disagree() ->
 # -- budgets and scenes ------------------------------------------------------------------------------------------------
 
 
-def test_a_wider_scene_gives_more_ticks() -> None:
+def test_a_wider_scene_has_a_larger_budget_of_ticks() -> None:
     text = (MADE_UP / "04-delivery-house-pending.json").read_text(encoding="utf-8")
     mission, notes = read(text, "w.json", TEMPLATES)
     assert mission.budget.ticks == Number(140.0)  # 50 ticks for 900 m, and the scene is 2,520 m wide
@@ -207,6 +207,6 @@ def test_a_wider_scene_gives_more_ticks() -> None:
     assert read(text, "w.json", TEMPLATES)[0].budget.ticks == Number(5.0)  # the document's own
 
 
-def test_what_is_wider_than_every_scene_is_told_with_its_reach() -> None:
+def test_places_wider_apart_than_every_scene_are_noted_with_their_extent() -> None:
     notes = loaded(document({}, uav=[UAVS[0], xyz(2_000_000.0, 0.0, 3000.0)]))[2]
     assert "places reach from (0 m, 0 m) to (20000 m, 0 m)" in notes and "at most 12000 m wide" in notes

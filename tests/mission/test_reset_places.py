@@ -1,4 +1,4 @@
-"""resetScenario documents as others write them: odd spellings, frames, nulls and numbers, read or refused."""
+"""resetScenario documents of other systems: odd spellings, frames, nulls and numbers, read or refused."""
 
 import json
 from collections.abc import Callable
@@ -66,7 +66,7 @@ READ: list[tuple[Edit, tuple[str, ...]]] = [
 
 
 @pytest.mark.parametrize(("edit", "notes"), READ)
-def test_what_is_read_is_noted_and_comes_back_the_same(edit: Edit, notes: tuple[str, ...]) -> None:
+def test_odd_spellings_are_read_noted_and_written_back_unchanged(edit: Edit, notes: tuple[str, ...]) -> None:
     text = edited(edit)
     mission, noted = read(text, "d.json", TEMPLATES)
     inferred = "\n".join(noted[1:])
@@ -99,13 +99,13 @@ REFUSED: list[tuple[Edit, str]] = [
 
 
 @pytest.mark.parametrize(("edit", "words"), REFUSED)
-def test_what_is_refused_names_the_path_and_the_reason(edit: Edit, words: str) -> None:
+def test_errors_of_invalid_values_name_the_path_and_the_reason(edit: Edit, words: str) -> None:
     with pytest.raises(LingjingError) as caught:
         read(edited(edit), "d.json", TEMPLATES)
     assert words in str(caught.value) and caught.value.hint
 
 
-def test_an_entry_that_is_no_object_is_a_fault_beside_those_of_the_others() -> None:
+def test_entries_that_are_no_objects_are_reported_together_with_other_faults() -> None:
     odd = [{"personId": "a", "X": 1.0, "Y": 2.0}, None, [1, 2, 3], "here", {"personId": "b", "X": 1.0}]
     with pytest.raises(MissionError) as caught:
         read(edited(lambda w, s, d: s.update(rescuePersonPosition=odd)), "d.json", TEMPLATES)
@@ -118,7 +118,7 @@ def test_an_entry_that_is_no_object_is_a_fault_beside_those_of_the_others() -> N
     ]
 
 
-def test_a_coordinate_that_is_null_is_told_beside_one_that_is_wrong() -> None:
+def test_a_null_coordinate_is_reported_beside_an_invalid_one() -> None:
     wrong = f"{AT}[0].data.Y", "a number is due, this is the text 'here'"
     lacking = f"{AT}[0].data", "has no place"
     for coordinates, faults in (
@@ -132,7 +132,7 @@ def test_a_coordinate_that_is_null_is_told_beside_one_that_is_wrong() -> None:
         assert [(fault.where, fault.message) for fault in caught.value.faults] == faults
 
 
-def test_a_fault_in_a_row_leaves_the_matrix_not_empty() -> None:
+def test_a_fault_in_a_row_is_not_reported_as_an_empty_matrix() -> None:
     with pytest.raises(MissionError) as caught:
         read(edited(lambda w, s, d: s.update(takeoff_height_m="60")), "d.json", TEMPLATES)
     assert [(fault.where, fault.message) for fault in caught.value.faults] == [
@@ -142,7 +142,7 @@ def test_a_fault_in_a_row_leaves_the_matrix_not_empty() -> None:
         read(edited(lambda w, s, d: w["scenario"].update(taskMatrix=[])), "d.json", TEMPLATES)
 
 
-def test_of_two_spellings_the_one_that_is_not_empty_counts() -> None:
+def test_the_spelling_that_is_not_empty_is_used() -> None:
     def twice(whole: dict[str, Any], state: dict[str, Any], drones: list[Any]) -> None:
         state.update(search_range=state["rescueRange"], rescueRange=[])
         whole["scenario"]["equipmentList"].update(drone_entity_list=list(drones), droneEntityList=[])
@@ -155,7 +155,7 @@ def test_of_two_spellings_the_one_that_is_not_empty_counts() -> None:
 
 
 @pytest.mark.parametrize("data", [{"X": 100.0, "Y": 0.0, "alt": 45.0}, {"lon": 121.5, "lat": 31.0, "Z": 4500.0}])
-def test_a_height_is_read_with_the_coordinates_of_the_other_kind(data: dict[str, float]) -> None:
+def test_a_height_may_be_alt_beside_x_and_y_or_z_beside_degrees(data: dict[str, float]) -> None:
     mission, _ = read(edited(lambda w, s, d: d[0].update(data=data)), "d.json", TEMPLATES)
     (uav, *_) = (e for e in instantiate(mission, seed=5).entities if e.label == "UAV-MA-001")
     assert uav.position[2] == 45.0

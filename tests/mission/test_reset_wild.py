@@ -1,4 +1,4 @@
-"""resetScenario documents as other systems write them: each loads, says what it inferred, and comes back the same."""
+"""resetScenario documents of other systems: each is read with notes on inferred values, and written back unchanged."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CAR = {"equipmentCode": "CAR-001", "name": "车", "data": {"x": 0.0, "y": 0.0, "
 
 
 def document(state: Json, *, drones: int = 0, dogs: int = 0, cars: int = 0, ships: int = 0, **task: Any) -> Json:
-    """A document with so many entities 20 m apart, and this initial state."""
+    """A document with these numbers of entities, 20 m apart, and this initial state."""
 
     def fleet(template: Json, count: int) -> list[Json]:
         return [
@@ -54,7 +54,7 @@ def document(state: Json, *, drones: int = 0, dogs: int = 0, cars: int = 0, ship
 
 
 def play(whole: Json | str) -> tuple[Instance, tuple[str, ...]]:
-    """The instance of a document and what was noted; it comes back with the same values."""
+    """The instance of a document, and its notes. Asserts that the document comes back with the same values."""
     text = whole if isinstance(whole, str) else json.dumps(whole, ensure_ascii=False)
     mission, notes = read(text, "w.json", TEMPLATES)
     instance = instantiate(mission, seed=3)
@@ -96,14 +96,16 @@ STORE = {"warehouseId": "w1", "x": 100.0, "y": -100.0, "z": 0.0}
         ("ssr", {"drones": 2, "ships": 1}, {}, {"rescuePersonPosition": [{"personId": "p", **PLACE}]}),
     ],
 )  # fmt: skip
-def test_tasks_are_told_by_their_words_entities_and_fields(mission: str, fleet: Json, task: Json, state: Json) -> None:
+def test_templates_are_selected_by_task_type_entities_and_fields(
+    mission: str, fleet: Json, task: Json, state: Json
+) -> None:
     instance, notes = play(document(state, **fleet, **task))
     assert instance.mission == mission
     assert any("read as X, Y, Z, Unreal's centimetres" in note for note in notes)
     assert not [note for note in notes if "not understood" in note], notes
 
 
-def test_every_value_arrives() -> None:
+def test_every_value_of_a_document_reaches_the_instance() -> None:
     people = [{"personCount": n, "heading": 30.0 * n, "x": 3000.0 * n, "y": 0.0} for n in (4, 9)]
     shops = [e for e in play(document({"queuingList": people}, drones=1, dogs=1))[0].entities if e.group == "shop"]
     assert [(e.position[:2], e.properties["people"], e.heading_deg) for e in shops] == [
@@ -119,7 +121,7 @@ def test_every_value_arrives() -> None:
     assert at(instance, "house") == [(0.0, 30.0)] and at(instance, "stop_node") == [(50.0, 30.0)]
 
 
-def test_yaw_stands_in_the_place_and_is_unreals() -> None:
+def test_a_yaw_inside_the_place_is_read_as_unreal_yaw() -> None:
     instance, _ = play(document({"goalPosition": PLACE}, dogs=1, task_type="single dog"))
     assert next(e for e in instance.entities if e.group == "dog").heading_deg == 0.0  # yaw -90
 
@@ -142,7 +144,9 @@ def test_yaw_stands_in_the_place_and_is_unreals() -> None:
         (lambda w: json.dumps(w).replace("equipmentCode", "equipment_code").replace("taskMatrix", "task_matrix"), ""),
     ],
 )
-def test_wrappings(edit: Callable[[Json], Json | str], note: str) -> None:
+def test_wrapped_or_slightly_malformed_documents_are_read_with_a_note(
+    edit: Callable[[Json], Json | str], note: str
+) -> None:
     whole = document({"goalFirePosition": [{"range": 5, "scale": 2, **PLACE}]}, drones=1, cars=1)
     plain, before = play(whole)
     instance, notes = play(edit(json.loads(json.dumps(whole))))
@@ -160,7 +164,7 @@ def _drones(whole: Json, drones: Json) -> Json:
     return whole
 
 
-def test_a_search_range_and_a_height_to_fly_at() -> None:
+def test_the_search_range_and_the_takeoff_height_are_used() -> None:
     corners = [{"x": x, "y": y} for x, y in ((-9000, -9000), (9000, -9000), (9000, 9000), (-9000, 9000))]
     state = {"goalFirePosition": [PLACE], "search_range": corners, "takeoff_height_m": 90}
     instance, notes = play(document(state, drones=2, cars=1))
@@ -178,7 +182,7 @@ def _in_degrees(east: float, north: float) -> Json:
     return {"lon": ORDOS[1] + east / 85_500.0, "lat": ORDOS[0] + north / 111_030.0, "alt": 1342.0}
 
 
-def test_the_origin_is_where_the_degrees_lie_and_the_ground_is_the_lowest_height() -> None:
+def test_the_origin_is_inferred_from_degrees_and_the_ground_from_the_lowest_height() -> None:
     whole = document({"goalFirePosition": [_in_degrees(0.0, 100.0)]}, drones=1, cars=1)
     lists = whole["scenario"]["equipmentList"]
     lists["droneEntityList"][0]["data"] = {**_in_degrees(-50.0, -50.0), "alt": 1352.0}
@@ -195,7 +199,7 @@ def test_the_origin_is_where_the_degrees_lie_and_the_ground_is_the_lowest_height
     assert {e.group: e.position[2] for e in instance.entities}["truck"] == pytest.approx(2.0)
 
 
-def test_deep_heights_of_older_documents() -> None:
+def test_very_low_heights_are_read_relative_to_the_lowest_one() -> None:
     whole = document({"goalFirePosition": [{**PLACE, "z": -243_000.0}]}, drones=1, cars=1)
     lists = whole["scenario"]["equipmentList"]
     lists["droneEntityList"][0]["data"]["z"] = lists["autoVehicleEntityList"][0]["data"]["z"] = -242_900.0
@@ -204,7 +208,7 @@ def test_deep_heights_of_older_documents() -> None:
     assert any("heights begin at -2430 m, which is used as ground level" in note for note in notes)
 
 
-def test_both_spellings_of_a_place_tie_the_origin() -> None:
+def test_a_place_in_both_frames_determines_the_origin() -> None:
     whole = document({"goalFirePosition": [_in_degrees(0.0, 100.0)]}, drones=1, cars=1)
     whole["scenario"]["equipmentList"]["droneEntityList"][0]["data"] |= _in_degrees(10.0, 0.0) | {"alt": 0.0}
     instance, _ = play(whole)  # the drone is at (10, 0) m both by its centimetres and by its degrees
@@ -212,7 +216,7 @@ def test_both_spellings_of_a_place_tie_the_origin() -> None:
 
 
 @pytest.mark.parametrize(("drones", "dogs"), [(10, 0), (0, 5)])
-def test_fleets_of_any_size(drones: int, dogs: int) -> None:
+def test_fleets_of_any_size_are_accepted_and_noted(drones: int, dogs: int) -> None:
     fire = {"goalFirePosition": [PLACE]}
     instance, notes = play(document(fire, drones=drones, dogs=dogs, cars=1 if drones else 0))
     assert sum(e.role == "asset" for e in instance.entities) == drones + dogs + bool(drones)
@@ -220,7 +224,7 @@ def test_fleets_of_any_size(drones: int, dogs: int) -> None:
     assert len({agent.id for agent in instance.agents}) >= max(drones, dogs)
 
 
-def test_every_fault_is_told_in_one_run_with_its_path() -> None:
+def test_every_fault_is_reported_in_one_run_with_its_path() -> None:
     whole = document({"goalFirePosition": [{"x": "1", "y": 2}, {"name": "nowhere"}]}, drones=3, cars=1)
     scenario = whole["scenario"]
     drones = scenario["equipmentList"]["droneEntityList"]
@@ -244,8 +248,8 @@ def test_every_fault_is_told_in_one_run_with_its_path() -> None:
     assert all(fault.hint for fault in caught.value.faults)
 
 
-def test_faults_of_all_phases_are_told_in_one_run() -> None:
-    """Numbers that are none, shapes, the `lingjing` object, places and outlines: each is looked at after the others."""
+def test_faults_of_all_phases_are_reported_in_one_run() -> None:
+    """Each phase checks something else: numbers, shapes, the `lingjing` object, places and outlines."""
     whole = document({"goalFirePosition": [{"fireId": 1, **PLACE}, {"fireId": 2, "x": "3", "y": 2}]}, drones=3, cars=1)
     scenario = whole["scenario"]
     scenario["lingjing"] = {"bogus": 1, "settings": {"foo": 1, "uavs": 99}, "origin": [200, 300]}
@@ -297,7 +301,7 @@ def test_hidden_places_that_are_a_text_or_a_number_are_an_error(key: str, value:
         ({"heading": 1e9}, ".heading", "is 1e+09, at most 360 is due"),
     ],
 )
-def test_an_entry_that_cannot_be_or_contradicts_itself_is_an_error(entry: Json, path: str, message: str) -> None:
+def test_an_impossible_or_contradictory_entry_is_an_error(entry: Json, path: str, message: str) -> None:
     with pytest.raises(MissionError) as caught:
         play(document({"queuingList": [PLACE, {**PLACE, **entry}]}, drones=1, dogs=1))
     where = f"$.scenario.taskMatrix[0].initial_state.queuingList[1]{path}"
@@ -334,12 +338,12 @@ def test_paths_name_keys_as_the_document_spells_them() -> None:
         ("queue detection", "queue"), ("dog_fire", "idf"), ("uav_search_fire", "fire_search"),
     ],
 )  # fmt: skip
-def test_task_types_are_read_as_people_write_them(word: str, mission: str) -> None:
+def test_task_types_are_recognised_in_different_spellings(word: str, mission: str) -> None:
     whole = document({}, drones=1, dogs=1, cars=1, ships=1, task_type=word)
     assert read(json.dumps(whole), "w.json", TEMPLATES)[0].name == mission
 
 
-def test_two_words_of_one_task_agree_and_two_tasks_do_not() -> None:
+def test_two_task_types_may_differ_in_wording_but_not_in_the_template() -> None:
     whole = document({"goalFirePosition": [PLACE]}, drones=2, cars=1, task_type="fire")
     whole["scenario"]["taskType"] = "fire truck"
     assert play(whole)[0].mission == "ufr"
@@ -349,7 +353,7 @@ def test_two_words_of_one_task_agree_and_two_tasks_do_not() -> None:
 
 
 @pytest.mark.parametrize("word", ["rain", "Rainy", "雨", "大雨", "heavy_rain", "ＲＡＩＮ"])
-def test_rain_dims_and_covers_the_sky_with_a_note(word: str) -> None:
+def test_rain_lowers_visibility_and_raises_cloud_cover_with_a_note(word: str) -> None:
     instance, notes = play(document({"fracturePosition": [PLACE], "weather": word}, drones=1))
     assert instance.weather.visibility_m <= 10_000.0 and instance.weather.cloud >= 0.7
     assert any(f"weather: '{word}' sets visibility and cloud alone; no rain falls" in n for n in notes)
@@ -364,7 +368,7 @@ def test_heights_that_cannot_be_over_the_scene_are_noted() -> None:
     assert any("heights begin at 1340 m, which is used as ground level" in note for note in notes)
     heights = {entity.group: entity.position[2] for entity in instance.entities}
     assert (heights["truck"], heights["uav"], heights["fire"]) == (0.0, 20.0, 5.0)
-    lists["autoVehicleEntityList"][0]["data"]["z"] = 0.0  # one thing on the ground is over the scene, so they all are
+    lists["autoVehicleEntityList"][0]["data"]["z"] = 0.0  # one height within the scene: no height is shifted
     _, notes = play(whole)
     far = [note for note in notes if "over the scene, which is used as it is" in note]
     assert [note.partition(": its")[0].rpartition(".")[0] for note in far] == [
@@ -393,7 +397,9 @@ def test_heights_that_cannot_be_over_the_scene_are_noted() -> None:
         ),
     ],
 )
-def test_of_two_that_differ_it_is_noted_which_counts(edit: Callable[[Json, Json, Json], object], note: str) -> None:
+def test_the_note_on_contradicting_values_names_the_value_that_is_used(
+    edit: Callable[[Json, Json, Json], object], note: str
+) -> None:
     whole = document({"goalFirePosition": [dict(PLACE)]}, drones=1, cars=1)
     scenario = whole["scenario"]
     edit(scenario["equipmentList"], scenario["taskMatrix"][0]["initial_state"], scenario)
@@ -413,7 +419,7 @@ def test_a_seed_has_bounds(seed: int, message: str) -> None:
     assert [(fault.where, fault.message) for fault in caught.value.faults] == [("$.scenario.lingjing.seed", message)]
 
 
-def test_faults_beside_places_that_are_none_are_told_as_well() -> None:
+def test_faults_beside_invalid_places_are_reported_as_well() -> None:
     whole = document({"goalFirePosition": "here", "leak": [1]}, drones=2, task_type=5)
     drones = whole["scenario"]["equipmentList"]["droneEntityList"]
     drones[0] = {"equipmentCode": {"a": 1}, "data": {"lon": 500.0, "lat": 2.0}}
@@ -433,7 +439,7 @@ def test_faults_beside_places_that_are_none_are_told_as_well() -> None:
     ]
 
 
-def test_what_is_there_and_what_is_wanting_is_said() -> None:
+def test_errors_and_notes_name_missing_and_unused_entities() -> None:
     people = {"rescuePersonPosition": [{"personId": "p", **PLACE}]}
     with pytest.raises(MissionError, match="'ssr' would, with shipEntityList"):
         play(document(people, drones=3))
@@ -470,15 +476,15 @@ FLEETS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("mission", "fleet", "task", "state", "one"), FLEETS)
-def test_several_where_a_template_has_one_are_its_fleet(
-    mission: str, fleet: Json, task: Json, state: Json, one: str
+@pytest.mark.parametrize(("mission", "fleet", "task", "state", "single"), FLEETS)
+def test_several_entities_where_a_template_has_one_select_its_fleet_template(
+    mission: str, fleet: Json, task: Json, state: Json, single: str
 ) -> None:
     instance, notes = play(document(state, **fleet, **task))
     assert instance.mission == f"{mission}_fleet"
     assert sum(entity.role == "asset" for entity in instance.entities) == sum(fleet.values())
     (fleet_note,) = [note for note in notes if "is played, which takes several" in note]
-    assert fleet_note.endswith(f"'{mission}' has {one}: '{mission}_fleet' is played, which takes several")
+    assert fleet_note.endswith(f"'{mission}' has {single}: '{mission}_fleet' is played, which takes several")
     assert not [note for note in notes if "not understood" in note or "kept, not played" in note], notes
 
 
@@ -492,7 +498,7 @@ def test_cars_alone_drive_around_congestion() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 5])
-def test_trucks_and_ships_alone_and_uavs_beside_dogs_play(count: int) -> None:
+def test_trucks_alone_ships_alone_and_uavs_with_dogs_have_templates(count: int) -> None:
     fire, person = {"goalFirePosition": [PLACE]}, {"rescuePersonPosition": [{"personId": "p", **PLACE}]}
     for state, listed, mission in (
         (fire, {"cars": count}, "ufr_fleet"),
@@ -504,7 +510,7 @@ def test_trucks_and_ships_alone_and_uavs_beside_dogs_play(count: int) -> None:
         assert sum(entity.role == "asset" for entity in instance.entities) == sum(listed.values())
 
 
-def test_what_cannot_be_played_is_told_at_its_path_and_what_is_moved_with_the_distance(
+def test_validate_reports_unplayable_places_with_paths_and_moved_bodies_with_distances(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole = document({"goalFirePosition": [PLACE]}, drones=2, cars=1)
@@ -523,8 +529,8 @@ def test_what_cannot_be_played_is_told_at_its_path_and_what_is_moved_with_the_di
     assert "$.scenario.equipmentList.droneEntityList[1].data: `uav[2]` begins at (19,000 m" in output
 
 
-def test_what_is_beside_a_scenario_stays_beside_it() -> None:
-    """The document comes back with its template whatever is called `data` or spelt `Scenario` beside it."""
+def test_fields_beside_a_scenario_are_written_back_beside_it() -> None:
+    """The document comes back with its template, even with a field `data` or `Scenario` beside the scenario."""
     whole = document({"goalFirePosition": [PLACE]}, drones=1)
     play({**whole, "data": 3})
     play({"Data": {"scenario": 1}, "scenario": None, "Scenario": whole["scenario"]})
@@ -534,7 +540,7 @@ def test_what_is_beside_a_scenario_stays_beside_it() -> None:
     assert emit(read(json.dumps(own), "w.json", TEMPLATES)[0]) == json.dumps(own)
 
 
-def test_what_no_template_binds_is_an_error() -> None:
+def test_a_field_that_no_template_uses_is_an_error() -> None:
     with pytest.raises(MissionError, match="no template has a target for 'pollutionPosition'"):
         play(document({"pollutionPosition": [PLACE]}, drones=1))
     with pytest.raises(MissionError, match="no template has a target for 'pollution_source'"):
@@ -553,12 +559,14 @@ def test_what_no_template_binds_is_an_error() -> None:
         ("air_delivery", "UAV", {"goalDelPosition": [PLACE]}, {"drones": 1}),
     ],
 )
-def test_who_is_there_does_not_say_what_is_to_be_done(mission: str, word: str, state: Json, lists: Json) -> None:
+def test_hidden_places_decide_the_template_if_the_task_type_names_only_entities(
+    mission: str, word: str, state: Json, lists: Json
+) -> None:
     instance, notes = play(document(state, task_type=word, **lists))
     assert instance.mission == mission and "kept, not played" not in "".join(notes)
 
 
-def test_a_length_in_another_unit_is_a_fault_and_places_in_a_few_metres_are_noted() -> None:
+def test_a_length_in_another_unit_is_a_fault_and_places_within_a_few_metres_are_noted() -> None:
     for unit in ({"unit": "m"}, {"单位": "米"}):
         with pytest.raises(MissionError, match=r"says '.+', and X, Y and Z are read in centimetres"):
             play(document({"goalFirePosition": [PLACE], **unit}, drones=1))
@@ -589,7 +597,7 @@ def test_two_spellings_of_a_hidden_place_may_agree() -> None:
     play(document({"goalFirePosition": [{"X": 100, "x": 100, "Y": 5}]}, drones=1))
 
 
-def test_one_fault_hides_no_other() -> None:
+def test_one_fault_does_not_hide_others() -> None:
     """A value of several possible types has a fault for each of them, and is mended once."""
     bad = document({"goalFirePosition": [{"x": 1}, {"lon": 3, "lat": 121.5}], "weather": 7}, drones=1, task_type=3)
     bad["scenario"]["equipmentList"]["droneEntityList"][0]["equipmentCode"] = {"a": 1}
@@ -609,7 +617,7 @@ def test_one_fault_hides_no_other() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_mutated_documents_end_in_a_mission_or_a_message(seed: int) -> None:
+def test_mutated_documents_give_a_mission_or_an_error_message(seed: int) -> None:
     """A hundred thousand are read by `benchmarks/mutated_documents.py`."""
     ends = read_mutated(250, seed, lambda number, ends: None)
     assert set(ends) <= {"read", "MissionError", "UsageError"} and 25 < ends["read"] < 225
@@ -625,7 +633,7 @@ def test_mutated_documents_end_in_a_mission_or_a_message(seed: int) -> None:
         ('"droneEntityList": [', '"droneEntityList": [1, ', "droneEntityList lists 2, 1 are played"),
     ],
 )
-def test_the_search_for_silent_guesses_finds_them(original: str, other: str, guess: str) -> None:
+def test_the_search_for_silent_guesses_finds_planted_guesses(original: str, other: str, guess: str) -> None:
     text = json.dumps(document({"goalFirePosition": [PLACE]}, drones=1))
     mission, notes = read(text, "w.json", TEMPLATES)
     assert not list(silent_guesses(text, mission, notes, TEMPLATES))

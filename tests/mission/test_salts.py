@@ -19,7 +19,7 @@ def salt(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_salt_draws_seeds_that_the_public_seed_does_not_give(salt: Path) -> None:
+def test_a_salt_gives_seeds_that_differ_from_the_public_seeds(salt: Path) -> None:
     drawn = [instance_seed(str(salt), seed) for seed in range(100)]
     assert len({*drawn, *range(100)}) == 200
     assert all(0 <= seed < 2**63 for seed in drawn)

@@ -1,4 +1,4 @@
-"""Named streams: what they promise and, pinned, what they give."""
+"""Named streams: their guarantees and their pinned values."""
 
 import math
 import statistics
@@ -29,20 +29,20 @@ def _block(seed: int, path: str, number: int) -> bytes:
 
 
 @given(SEEDS, PATHS, PATHS)
-def test_streams_of_different_paths_differ(seed: int, one: str, other: str) -> None:
-    same = [Stream(seed, one).word() for _ in range(2)]
+def test_streams_of_different_paths_differ(seed: int, path: str, other: str) -> None:
+    same = [Stream(seed, path).word() for _ in range(2)]
     assert same[0] == same[1]
-    if one != other:
+    if path != other:
         assert Stream(seed, other).word() != same[0]
 
 
 @given(SEEDS, PATHS, st.integers(1, 10_000))
-def test_below_stays_below(seed: int, path: str, count: int) -> None:
+def test_below_returns_values_below_the_count(seed: int, path: str, count: int) -> None:
     stream = Stream(seed, path)
     assert all(0 <= stream.below(count) < count for _ in range(5))
 
 
-def test_moments() -> None:
+def test_uniform_and_normal_draws_have_the_expected_moments() -> None:
     stream = Stream(1, "moments")
     flat = [stream.uniform(-1, 3) for _ in range(20_000)]
     bell = [stream.normal(5, 2) for _ in range(20_000)]
@@ -59,7 +59,7 @@ def test_generator_is_a_function_of_seed_and_path() -> None:
     assert not np.array_equal(first, generator(4, "waves").random(4))
 
 
-def test_integer_bits() -> None:
+def test_the_number_of_bits_of_an_integer_is_limited() -> None:
     assert 0 <= integer(5, "x", bits=8) < 256
     with pytest.raises(ValueError, match="257"):
         integer(5, "x", bits=257)

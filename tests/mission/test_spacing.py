@@ -21,7 +21,7 @@ METRES = st.floats(-3.0, 3.0) | st.integers(-3, 3).map(float)
 @settings(derandomize=True, deadline=None)
 @given(st.lists(st.tuples(METRES, METRES), max_size=25), st.sampled_from([0.0, 0.1, 0.7, 1.0, 4.0, -1.0]))
 @pytest.mark.parametrize("offset", [0.0, 1e6, -1e14])
-def test_the_answers_are_those_of_comparing_with_all(
+def test_answers_equal_those_of_comparing_with_every_place(
     offset: float, points: list[tuple[float, float]], apart: float
 ) -> None:
     kept = Spacing(apart, abs(offset) + 3.0)

@@ -48,7 +48,7 @@ def test_instances_of_the_file_and_of_the_graph_built_by_hand_share_their_draws(
     assert msgspec.json.decode(msgspec.json.encode(from_file), type=Instance) == from_file
 
 
-def test_what_the_engines_need_is_there(compiled: m.Mission) -> None:
+def test_the_instance_has_the_properties_that_engines_need(compiled: m.Mission) -> None:
     by_id = {entity.id: entity for entity in instantiate(compiled).entities}
     assert {"band_low_m", "band_high_m", "cruise_mps", "endurance_s"} <= by_id["uav[1]"].properties.keys()
     (rescue,) = by_id["victim[1]"].interactions
@@ -58,7 +58,7 @@ def test_what_the_engines_need_is_there(compiled: m.Mission) -> None:
     assert by_id["victim[1]"].hidden == ("position",)
 
 
-def test_the_listing_plays_on_the_compiled_template(compiled: m.Mission) -> None:
+def test_the_listing_is_read_with_the_compiled_template(compiled: m.Mission) -> None:
     mission, notes = instantiate_document(LISTING, "ssr-001.json", {"ssr": compiled}.__getitem__)
     assert len(notes) == 1
     assert places(instantiate(mission, seed=3)) == {
@@ -72,6 +72,6 @@ def test_the_listing_plays_on_the_compiled_template(compiled: m.Mission) -> None
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_written_document_plays_like_its_template(compiled: m.Mission, seed: int) -> None:
+def test_a_written_document_gives_the_instance_of_its_template(compiled: m.Mission, seed: int) -> None:
     again, _ = instantiate_document(emit(compiled, seed=seed), "x.json", {"ssr": compiled}.__getitem__)
     assert instantiate(again, seed=seed) == instantiate(compiled, seed=seed)

@@ -33,13 +33,13 @@ def engines(instance, task):
         ("ssr", {("rescue", f"victim[{n}]", "vessel", 50.0) for n in (1, 2, 3)}, {"victim": "detection"}),
     ],
 )
-def test_success_says_which_interactions_are_left_to_do(name, tasks, groups):
+def test_required_tasks_are_the_interactions_that_success_needs(name, tasks, groups):
     played = instance(name)
     assert {(task.name, task.target, *engines(played, task), task.within_m) for task in required_tasks(played)} == tasks
     assert reported(played) == groups
 
 
-def test_goods_are_named_at_both_ends():
+def test_tasks_that_move_goods_name_the_states_of_both_sides():
     played = instance("cd")
     delivery = required_tasks(played)[0]
     assert (delivery.takes, delivery.source, delivery.moves_goods) == ("demand", "load", True)
