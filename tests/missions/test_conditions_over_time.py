@@ -59,26 +59,26 @@ def times(*lines: str, moving: bool = True) -> dict[str, list[float]]:
 NEAR = "distance_xy(boat, g) <= 40 m"
 
 
-def test_a_break_between_two_boundaries_ends_what_has_held() -> None:
+def test_an_interruption_between_two_boundaries_restarts_the_duration_of_held() -> None:
     came = times(
         f"adjudicate early() {{ when held({NEAR}, 20 s) }}", f"adjudicate late() {{ when held({NEAR}, 24 s) }}"
     )
     assert came == {"early": [20.0], "late": [26.0 + 24.0]}
 
 
-def test_it_holds_from_time_zero_and_for_no_time_at_once() -> None:
+def test_held_with_a_duration_of_zero_is_true_at_time_zero() -> None:
     assert times(f"adjudicate at_once() {{ when held({NEAR}, 0 s) }}", moving=False) == {"at_once": [0.0]}
     assert times("adjudicate never() { when held(g.level > 2 m, 0 s) }", moving=False) == {}
 
 
-def test_each_member_has_a_past_of_its_own() -> None:
+def test_the_duration_of_held_is_counted_for_each_member() -> None:
     came = times("adjudicate close() { when exists t in h: held(distance_xy(boat, t) <= 60 m, 10 s) }")
     assert came == {"close": [70.0]}
     per = times("adjudicate stayed(b: boat) { when held(distance_xy(b, g) <= 40 m, 25 s) }")
     assert per == {"stayed": [51.0]}
 
 
-def test_within_a_time_of_another_condition() -> None:
+def test_within_is_true_if_the_second_condition_follows_in_time() -> None:
     away, back = "distance_xy(boat, g) > 40 m", NEAR
     came = times(
         f"adjudicate soon() {{ when within({away}, {back}, 2 s) }}",
@@ -88,7 +88,7 @@ def test_within_a_time_of_another_condition() -> None:
     assert came == {"soon": [26.0], "reverse": [24.0]}
 
 
-def test_one_condition_before_another() -> None:
+def test_before_is_true_if_the_first_condition_holds_first() -> None:
     came = times(
         "adjudicate never() { when before(now >= 30 s, distance_xy(boat, h) <= 60 m) }",
         "adjudicate first() { when before(distance_xy(boat, h) <= 60 m, now >= 30 s) }",
@@ -98,7 +98,7 @@ def test_one_condition_before_another() -> None:
     assert came == {"first": [24.0], "alone": [20.0]}
 
 
-def test_counts_of_events_and_interactions() -> None:
+def test_count_counts_events_and_interactions() -> None:
     came = times(
         "event gust at 1 tick repeat every 30 s { weather { cloud = 1 } }",
         "adjudicate third() { when count(gust) >= 3 }",
@@ -122,19 +122,19 @@ PLACES = {
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_they_stand_in_every_condition(place: str) -> None:
+def test_held_is_evaluated_in_every_kind_of_condition(place: str) -> None:
     lines, reason, tick = PLACES[place]
     with episode(text().replace(WON, lines), seed=1, stage=Stage(places={"boat": east})) as run:
         run.wait(11)
         assert (run.published.evaluation.reason, run.published.record.tick) == (reason, tick)
 
 
-def test_they_trigger_and_undo_events() -> None:
+def test_held_triggers_and_undoes_events() -> None:
     came = times(f"event calm when held({NEAR}, 24 s) until held(not ({NEAR}), 25 s) {{ weather {{ cloud = 0 }} }}")
     assert came == {"calm": [50.0, -90.0]}
 
 
-def test_a_permit_reads_the_past() -> None:
+def test_the_memory_of_a_permit_with_held_is_updated_at_each_boundary() -> None:
     permit = f"permit boat.moveTo when held({NEAR}, 15 s)"
     with episode(text(permit), seed=1, stage=Stage(places={"boat": east})) as run:
         allowed = []
@@ -145,7 +145,7 @@ def test_a_permit_reads_the_past() -> None:
     assert allowed == [False, False, True, False, False]
 
 
-def test_the_memory_is_part_of_the_state(tmp_path: Path) -> None:
+def test_the_memory_of_held_is_part_of_the_state_and_a_replay_agrees(tmp_path: Path) -> None:
     lines = (f"adjudicate stayed() {{ when held({NEAR}, 30 s) }}", "event e when count(read) > 0 { vanish h }")
     with episode(text(*lines), seed=1, stage=Stage(places={"boat": east})) as run:
         before = run.kernel.state
@@ -155,7 +155,7 @@ def test_the_memory_is_part_of_the_state(tmp_path: Path) -> None:
     assert run_command(["replay", str(played.path)]) == 0
 
 
-def test_the_printer_writes_them(tmp_path: Path) -> None:
+def test_the_printer_writes_functions_over_time(tmp_path: Path) -> None:
     source = text(
         f"adjudicate a(t: g) {{ when held({NEAR} and t.level > 1 m, 30 s) and before(now > 3 s, count(read, t) > 1) }}",
         "event e at 3 tick { vanish h }",
@@ -186,7 +186,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("line", WRONG)
-def test_a_wrong_use_has_one_error_that_names_it(line: str) -> None:
+def test_a_wrong_use_of_a_function_over_time_has_one_error_with_the_reason(line: str) -> None:
     code, words = WRONG[line]
     errors = [item for item in compile_text(text(line)).diagnostics if item.severity == "error"]
     assert [item.code for item in errors] == [code], errors
@@ -203,7 +203,7 @@ WINNABLE = (
 
 
 @pytest.mark.parametrize("success", WINNABLE)
-def test_no_proof_and_a_goal_for_what_can_be_won(success: str) -> None:
+def test_a_winnable_condition_over_time_has_a_goal_and_no_proof_of_infeasibility(success: str) -> None:
     lines = ("unlock read(t: g) when true", "event e when now > 10 s repeat every 20 s { change g.level to 2 m }")
     source = text(*lines).replace("success when now > 115 s", f"success when {success}")
     assert [item for item in compile_text(source).diagnostics if item.severity == "error"] == []
@@ -213,6 +213,6 @@ def test_no_proof_and_a_goal_for_what_can_be_won(success: str) -> None:
 @pytest.mark.parametrize(
     "success", ["held(g.level > 3 m, 5 s)", "before(g.level > 3 m, now > 5 s)", "within(now > 3 s, g.level > 3 m, 5 s)"]
 )
-def test_a_condition_that_never_holds_never_has(success: str) -> None:
+def test_a_function_over_a_condition_that_never_holds_is_proved_impossible(success: str) -> None:
     source = text().replace("success when now > 115 s", f"success when {success}")
     assert "LJ0612" in [item.code for item in compile_text(source).diagnostics]

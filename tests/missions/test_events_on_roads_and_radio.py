@@ -42,7 +42,7 @@ def driven(tmp_path: Path, *events: str, ticks: int = 30, script: dict[int, obje
     return played, {tick: length for tick, length in lengths.items() if length}, lines
 
 
-def test_a_vehicle_under_way_takes_another_road_when_its_own_is_closed(tmp_path: Path) -> None:
+def test_a_moving_vehicle_gets_a_new_route_when_a_road_of_its_route_closes(tmp_path: Path) -> None:
     close = "event closing when distance_xy(van, stop) <= 420 m until now > 45 s { close bridge }"
     played, routes, lines = driven(tmp_path, close)
     assert lines == [
@@ -108,12 +108,12 @@ def answers(*events: str, comms: str = "", ticks: int = 5) -> list[str]:
         return [reason for _, reason in run.reasons("skipper[1]")]
 
 
-def test_an_event_loses_messages_and_gives_the_radio_back() -> None:
+def test_messages_are_lost_until_an_event_on_the_radio_is_undone() -> None:
     storm = "event storm at 1 tick until now >= 30 s { comms { loss = 100 % } }"
     assert answers(storm) == ["", "lost", "lost", "", ""]
 
 
-def test_a_jammed_region_loses_what_is_sent_from_or_to_it() -> None:
+def test_messages_from_or_to_a_jammed_region_are_lost() -> None:
     jam = "event jamming at 1 tick until now >= 30 s { jam harbour { loss = 100 % } }"
     assert answers(jam) == ["", "lost", "lost", "", ""]
     elsewhere = jam.replace("harbour", "offshore").replace(
@@ -123,14 +123,14 @@ def test_a_jammed_region_loses_what_is_sent_from_or_to_it() -> None:
 
 
 @pytest.mark.parametrize("effect", ["comms { range <= 100 m }", "jam harbour { range <= 100 m }"])
-def test_an_event_shortens_the_range_with_and_without_a_declared_one(effect: str) -> None:
+def test_an_event_shortens_the_radio_range_with_and_without_a_declared_range(effect: str) -> None:
     event = f"event short at 1 tick until now >= 30 s {{ {effect} }}"
     for comms in ("", "comms { range <= 3 km }"):
         reasons = answers(event, comms=comms, ticks=6)
         assert "out_of_range" in reasons and reasons[0] == reasons[-1] == "", reasons
 
 
-def test_the_changes_are_in_the_trace() -> None:
+def test_the_trace_has_the_radio_changes_of_an_event() -> None:
     effects = "jam harbour { loss = 50 %, range <= 90 m }, comms { loss = 10 % }"
     event = f"event jamming when now > 5 s until now > 25 s {{ {effects} }}"
     with episode(TEAM.format(events=event, comms=""), seed=1, stage=Stage()) as run:
@@ -142,7 +142,7 @@ def test_the_changes_are_in_the_trace() -> None:
     ]  # fmt: skip
 
 
-def test_the_printer_writes_roads_and_radio(tmp_path: Path) -> None:
+def test_the_printer_writes_effects_on_roads_and_radio(tmp_path: Path) -> None:
     events = (
         "event e when now > 5 s { close bridge, jam quarter { loss = 50 %, range <= 90 m }, comms { loss = 10 % } }"
     )
@@ -164,7 +164,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("event", WRONG)
-def test_a_wrong_effect_has_one_error_that_names_it(event: str) -> None:
+def test_a_wrong_effect_has_one_error_with_the_reason(event: str) -> None:
     code, words = WRONG[event]
     errors = [
         item for item in compile_text(TOWN.format(events=event, ticks=30)).diagnostics if item.severity == "error"
@@ -173,7 +173,7 @@ def test_a_wrong_effect_has_one_error_that_names_it(event: str) -> None:
     assert words in errors[0].message + errors[0].hint
 
 
-def test_the_harbour_with_a_bridge_that_closes_is_won(tmp_path: Path) -> None:
+def test_the_oracle_wins_the_harbour_with_a_closing_bridge(tmp_path: Path) -> None:
     """Seed 0: both vans are on their way to the bridge when it closes, and it reopens behind the boat."""
     played = play(EXAMPLES / "harbour.ljs", tmp_path, policy="oracle", seed=0)
     assert played.report.success
@@ -184,7 +184,7 @@ def test_the_harbour_with_a_bridge_that_closes_is_won(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("how", [["--emit", "mission"], ["--emit", "graphml"], ["--emit", "ljs"]])
-def test_the_harbour_compiles_to_every_form(how: list[str], tmp_path: Path) -> None:
+def test_the_harbour_compiles_to_every_output_format(how: list[str], tmp_path: Path) -> None:
     out = tmp_path / "harbour.out"
     assert run_command(["compile", str(EXAMPLES / "harbour.ljs"), *how, "-o", str(out)]) == 0
     assert "opening" in out.read_text(encoding="utf-8")

@@ -168,28 +168,28 @@ def both(gate: str, read: str, **options: str) -> tuple[Inputs | None, Inputs | 
 
 
 @pytest.mark.parametrize(("gate", "read"), PAIRS)
-def test_what_a_hidden_value_unlocks_is_as_hidden_as_the_value(gate: str, read: str) -> None:
+def test_an_interaction_unlocked_by_a_hidden_value_is_refused_or_shows_nothing(gate: str, read: str) -> None:
     first, second = both(gate, read)
     assert (first is None) == (second is None) == (gate not in SILENT)
     assert first == second
 
 
 @pytest.mark.parametrize("read", READS)
-def test_an_end_that_may_tell_needs_the_statement_and_nothing_else(read: str) -> None:
+def test_a_success_that_may_leak_needs_only_a_declassify_statement(read: str) -> None:
     declared = text("success", read, PLACES[0]).replace("  success", '  declassify end because "x"\n  success')
     assert compile_text(declared).diagnostics == ()
 
 
 def test_an_interaction_that_every_agent_sees_is_public() -> None:
     """`told = all` shows the event to agents that observe events. It is no secret where all of them do."""
-    everybody = compile_text(text("permit", "emitted(open)", PLACES[0], audience="all"))
-    assert everybody.diagnostics == ()
+    observed = compile_text(text("permit", "emitted(open)", PLACES[0], audience="all"))
+    assert observed.diagnostics == ()
     blind = compile_text(text("permit", "emitted(open)", PLACES[0], audience="all", watched=""))
     assert [item.code for item in blind.diagnostics] == ["LJ0404"]
     assert "`open` changes" in blind.diagnostics[0].message
 
 
-def test_the_load_of_an_asset_shows_in_its_motion() -> None:
+def test_a_secretly_changed_load_leaks_through_the_motion_of_the_asset() -> None:
     secret, public = (
         text("stage", "box.water < 9 kg", PLACES[0], audience=audience, cargo="load") for audience in ("", "all")
     )
@@ -277,7 +277,7 @@ mission wait "Wait" {{
 @pytest.mark.parametrize(
     ("observed", "refused"), [("store.*", True), ("store.people", True), ("store.position", False)]
 )
-def test_a_public_number_of_people_shows_a_hidden_rate(
+def test_a_public_number_of_people_reveals_a_hidden_arrival_rate(
     observed: str, refused: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     slow, fast = (inputs(QUEUE.format(rate=rate, observed=observed)) for rate in ("0.01", "0.4"))
@@ -288,8 +288,8 @@ def test_a_public_number_of_people_shows_a_hidden_rate(
     assert slow is not None and (slow != fast) == refused
 
 
-def test_a_target_that_follows_a_secretly_hauled_one_shows_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The kernel withholds the place of the raft. A swan with a public place would show it by its way."""
+def test_a_public_target_that_follows_a_secretly_hauled_target_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kernel withholds the place of the raft. A swan with a public place that follows the raft would reveal it."""
     behaviour = "behaviour follow { of = buoy, speed = 2 m/s, distance = 2 m }"
     swan = f"target swan : person_in_water {{ position = (60 m, -1400 m), {behaviour} }}"
     sources = [

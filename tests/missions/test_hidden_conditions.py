@@ -1,4 +1,4 @@
-"""Conditions over hidden values tell agents nothing: missions generated with a hidden value wherever one can stand.
+"""Conditions over hidden values reveal nothing to agents: generated missions use a hidden value in each condition.
 
 Each mission is compiled twice, with two hidden places and nothing else that differs. If the compiler accepts it, blind
 agents play both, and every input of every agent must be equal. With one guard taken out (the compiler's check, or a

@@ -203,7 +203,7 @@ def test_a_condition_over_a_hidden_amount_is_refused_although_all_agents_receive
 
 
 @pytest.mark.parametrize("way", AMOUNTS)
-def test_a_load_of_a_hidden_amount_needs_the_statement(way: str) -> None:
+def test_a_load_of_a_hidden_amount_needs_a_declassify_statement(way: str) -> None:
     (leak,) = compile_text(text(AMOUNTS[way], 0, goods="load")).diagnostics
     assert leak.code == "LJ0404" and "the speed and the battery of `tug`" in leak.message
 
@@ -241,7 +241,7 @@ def test_without_the_check_of_the_compiler_a_condition_leaks(way: str, monkeypat
 
 
 @pytest.mark.parametrize("way", AMOUNTS)
-def test_without_the_amounts_the_goods_of_an_actor_leak(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_check_of_amounts_the_goods_of_an_actor_leak(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(f"{MODEL}.taint._hides_amount", lambda target, interaction, of: False)
     assert leaking(way, SILENT)
 

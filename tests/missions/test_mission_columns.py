@@ -10,10 +10,10 @@ from lingjing.mission.graph import graph
 from lingjing.testing import CENTRE_BOX, Stage, does, reports, says, together
 from tests.missions import staging as kit
 
-SAID = ("information_handoff", "guidance")
+BY_MESSAGE = ("information_handoff", "guidance")
 
 
-# -- what each team does: enough that all of its relations occur
+# -- a script for each team in which all of its relations occur
 
 
 def walk(play):
@@ -152,7 +152,7 @@ PLAYS = {
 }
 
 
-# -- what is looked at
+# -- the checks
 
 
 def occurs(relation, record, roles):
@@ -177,7 +177,7 @@ def means(play):
     requests = {receipt.request for receipt in play.receipts if receipt.reason in ("conflict", "busy")}
     subjects = {change.subject for record in records for change in record.stages}
     agents = {agent.id for agent in play.instance.agents}
-    edges_of = dict.fromkeys(SAID, edges)
+    edges_of = dict.fromkeys(BY_MESSAGE, edges)
     return {**edges_of, "cooperation": places, "competition": requests | agents, "dependency": subjects}
 
 

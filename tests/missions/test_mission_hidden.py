@@ -63,7 +63,7 @@ def pair(name: str, mode: str) -> tuple[Instance, Instance]:
 
 
 def filler(spec: MessageSpec, frame: str | None) -> dict[str, object] | None:
-    """A body that says something of every field, or None where there is no picture to speak of."""
+    """A body with a value for every field, or None if a field needs a picture and there is none."""
     made: dict[str, object] = {}
     for item in spec.fields:
         if item.type == "frame" and frame is None:
@@ -122,7 +122,7 @@ def motion(play: Episode, controls: tuple[str, ...], tick: int) -> Action | None
     return Action(verb=chosen, arguments=arguments)
 
 
-def told(observation: Observation, inbox: Inbox) -> bytes:
+def input_bytes(observation: Observation, inbox: Inbox) -> bytes:
     """One agent's whole input as bytes, pixels included."""
     pictures = tuple(
         (p.frame, p.entity, p.camera, p.tick, p.time_s, p.pose, p.rgb.tobytes()) for p in observation.pictures
@@ -140,7 +140,10 @@ def inputs(name: str, mode: str, instance: Instance, privileged: frozenset[str] 
             play.do(busy(play))
         briefs = {agent: msgspec.msgpack.encode(brief) for agent, brief in play.kernel.briefs().items()}
         rows = [
-            {agent: told(boundary.observations[agent], boundary.inboxes[agent]) for agent in boundary.observations}
+            {
+                agent: input_bytes(boundary.observations[agent], boundary.inboxes[agent])
+                for agent in boundary.observations
+            }
             for boundary in play.all
         ]
         digests = [{seen.agent: seen.sha256 for seen in boundary.record.observations} for boundary in play.all]
@@ -156,17 +159,17 @@ def both_inputs(name: str, mode: str):
 
 
 @columns
-def test_anchoring_puts_what_is_public_in_the_same_place(name, mode):
+def test_anchoring_places_public_entities_independently_of_hidden_ones(name, mode):
     """Public entities are moved away from other public ones, but not from hidden ones."""
     first, second = pair(name, mode)
-    for one, other in zip(first.entities, second.entities, strict=True):
-        assert one == other or one.hidden, one.id
+    for entity, other in zip(first.entities, second.entities, strict=True):
+        assert entity == other or entity.hidden, entity.id
     assert first.regions == second.regions
 
 
 @columns
-def test_what_is_public_gives_no_way_to_what_is_hidden(name, mode):
-    """Not even to something hidden that would stand on the very same spot."""
+def test_public_entities_are_not_moved_away_from_hidden_ones(name, mode):
+    """Not even if a hidden entity stands at the place of a public one."""
     plain = drawn(name, mode, 0)
     cities = CityBuilder(host())
     before, _ = cities.place(plain)
@@ -181,68 +184,71 @@ def test_what_is_public_gives_no_way_to_what_is_hidden(name, mode):
 
 
 @columns
-def test_briefs_are_the_same(name, mode):
+def test_briefs_do_not_depend_on_hidden_values(name, mode):
     first, second = both_inputs(name, mode)
     assert first[0] == second[0]
 
 
 @columns
-def test_inputs_are_the_same_byte_by_byte(name, mode):
+def test_inputs_of_agents_do_not_depend_on_hidden_values(name, mode):
     first, second = both_inputs(name, mode)
-    for tick, (one, other) in enumerate(zip(first[1], second[1], strict=True)):
-        assert one == other, tick
+    for tick, (row, other) in enumerate(zip(first[1], second[1], strict=True)):
+        assert row == other, tick
     assert "accepted" in first[4], "the agents did something"
 
 
 @columns
-def test_digests_of_inputs_are_the_same(name, mode):
+def test_digests_of_inputs_do_not_depend_on_hidden_values(name, mode):
     first, second = both_inputs(name, mode)
     assert first[2] == second[2]
 
 
 @columns
-def test_a_policy_that_is_declared_so_sees_the_truth_and_nobody_else_sees_more(name, mode):
+def test_only_the_agent_of_a_privileged_policy_receives_the_truth(name, mode):
     """In an episode with one oracle, this agent receives the true places; nothing changes for the others."""
     first, second = pair(name, mode)
     oracle = first.agents[0].id
-    told_one, told_other = (first_boundary(name, mode, one, frozenset({oracle})) for one in (first, second))
+    seen, other = (first_boundary(name, mode, each, frozenset({oracle})) for each in (first, second))
     blind = both_inputs(name, mode)[0][1][0]
-    assert told_one[oracle] != told_other[oracle]
-    for agent in told_one:
+    assert seen[oracle] != other[oracle]
+    for agent in seen:
         if agent != oracle:
-            assert told_one[agent] == told_other[agent] == blind[agent]
+            assert seen[agent] == other[agent] == blind[agent]
 
 
 @columns
-def test_without_an_oracle_nobody_is_told_the_truth(name, mode):
+def test_without_a_privileged_policy_no_agent_receives_the_truth(name, mode):
     with kit.playing(name, mode, instance=pair(name, mode)[0]) as play:
         assert all(seen.privileged is None for seen in play.published.observations.values())
 
 
 def first_boundary(name, mode, instance, privileged):
     with kit.playing(name, mode, real=ENGINES, instance=instance, privileged=privileged) as play:
-        return {agent: told(seen, play.published.inboxes[agent]) for agent, seen in play.published.observations.items()}
+        return {
+            agent: input_bytes(seen, play.published.inboxes[agent])
+            for agent, seen in play.published.observations.items()
+        }
 
 
 @columns
-def test_the_worlds_do_differ(name, mode):
-    """Otherwise the tests above would say nothing: every hidden target really stands somewhere else."""
+def test_hidden_entities_have_different_places_in_the_two_worlds(name, mode):
+    """Otherwise the tests above would check nothing: every hidden target really stands somewhere else."""
     first, second = both_inputs(name, mode)
     hidden = [entity.id for entity in pair(name, mode)[0].entities if entity.hidden]
-    for one, other in zip(first[3], second[3], strict=True):
-        assert all(one[entity] != other[entity] for entity in hidden)
+    for places, other in zip(first[3], second[3], strict=True):
+        assert all(places[entity] != other[entity] for entity in hidden)
 
 
-def test_a_city_delivery_hides_nothing():
-    """The one mission without a secret: its planner is given every point and what it wants."""
+def test_a_city_delivery_has_no_hidden_values():
+    """The only mission without hidden values: its planner receives every point and its demand."""
     for mode in ("star", "broadcast"):
         instance = drawn("cd", mode, 0)
         assert not any(entity.hidden for entity in instance.entities) and not instance.reveals
 
 
-def test_a_true_report_looks_like_a_false_one():
+def test_agents_cannot_distinguish_a_true_report_from_a_false_report():
     """The same report is true in one world and false in the other; the trace records this, and no agent receives it."""
-    first, second = (kit.still(one) for one in pair("ufr", "broadcast"))
+    first, second = (kit.still(each) for each in pair("ufr", "broadcast"))
     place = next(entity for entity in first.entities if entity.id == "fire[1]").position[:2]
     seen = []
     for instance in (first, second):
@@ -254,7 +260,10 @@ def test_a_true_report_looks_like_a_false_one():
             play.do()
             seen.append(
                 [
-                    {name: told(boundary.observations[name], boundary.inboxes[name]) for name in boundary.observations}
+                    {
+                        name: input_bytes(boundary.observations[name], boundary.inboxes[name])
+                        for name in boundary.observations
+                    }
                     for boundary in play.all
                 ]
             )
@@ -266,7 +275,7 @@ def test_a_true_report_looks_like_a_false_one():
 @columns
 @settings(max_examples=3, deadline=None, derandomize=True, database=None)
 @given(seed=st.integers(1, 10_000), east=st.floats(-300.0, 300.0), north=st.floats(-300.0, 300.0))
-def test_wherever_hidden_things_are_inputs_are_the_same(name, mode, seed, east, north):
+def test_inputs_do_not_depend_on_the_places_of_hidden_entities(name, mode, seed, east, north):
     """Any other draw, with all hidden entities anywhere else in the scene: without a sensor, no agent can detect it.
 
     The actors stand still here, away from the dogs' fires and other targets that are touched before they are seen.
@@ -292,7 +301,7 @@ def test_wherever_hidden_things_are_inputs_are_the_same(name, mode, seed, east, 
                 play.do(busy(play))
             briefs = {agent: msgspec.msgpack.encode(brief) for agent, brief in play.kernel.briefs().items()}
             rows = [
-                {agent: told(boundary.observations[agent], boundary.inboxes[agent]) for agent in briefs}
+                {agent: input_bytes(boundary.observations[agent], boundary.inboxes[agent]) for agent in briefs}
                 for boundary in play.all
             ]
             digests = [[seen.sha256 for seen in boundary.record.observations] for boundary in play.all]
@@ -301,8 +310,8 @@ def test_wherever_hidden_things_are_inputs_are_the_same(name, mode, seed, east, 
 
 
 @pytest.mark.parametrize(("name", "mode"), [("cr", "star"), ("ld", "star")])
-def test_who_flies_over_a_jam_is_not_told_so_by_an_event(name, mode):
-    """The engine records the congestion, and only the trace knows: the UAV learns of it by looking."""
+def test_no_event_reveals_a_jam_to_the_agent_of_the_uav_above_the_jam(name, mode):
+    """The engine records the congestion in the trace alone. The agent detects it only in pictures."""
     first, second = pair(name, mode)
     jams = [entity.id for entity in first.entities if entity.type == "congestion"]
     elsewhere = msgspec.structs.replace(
@@ -323,7 +332,10 @@ def test_who_flies_over_a_jam_is_not_told_so_by_an_event(name, mode):
             emitted.append({event for event in play.emitted() if event.startswith("record ")})
             seen.append(
                 [
-                    {name: told(boundary.observations[name], boundary.inboxes[name]) for name in boundary.observations}
+                    {
+                        name: input_bytes(boundary.observations[name], boundary.inboxes[name])
+                        for name in boundary.observations
+                    }
                     for boundary in play.all
                 ]
             )

@@ -58,7 +58,7 @@ def varied(instance):
 
 
 @nine
-def test_a_seed_leaves_the_layout_alone(name):
+def test_a_seed_does_not_change_the_layout(name):
     """Streets, buildings, regions, cells, agents, assets, rules: the same for all seeds; the city's bytes too."""
     first = drawn(name)
     for seed in SEEDS[1:]:
@@ -76,12 +76,12 @@ def test_a_seed_leaves_the_layout_alone(name):
 
 @nine
 def test_a_seed_draws_the_targets(name):
-    """Not each seed something new (a bridge has eight places), but seeds do make a difference."""
+    """Two seeds may draw the same targets, because a bridge has eight places. Five seeds give at least three draws."""
     assert len({msgspec.json.encode(varied(drawn(name, seed))) for seed in SEEDS}) >= 3
 
 
 @nine
-def test_assets_begin_at_the_same_place_in_the_city_whatever_the_seed(name):
+def test_assets_begin_at_the_same_place_in_the_city_for_every_seed(name):
     places = [
         [entity.position for entity in kit.staged(name, None, seed)[0].entities if entity.role == "asset"]
         for seed in SEEDS[:2]
@@ -89,7 +89,7 @@ def test_assets_begin_at_the_same_place_in_the_city_whatever_the_seed(name):
     assert places[0] == places[1]
 
 
-# -- matched
+# -- the same seed
 
 
 @nine
@@ -122,7 +122,7 @@ def test_star_and_broadcast_are_played_in_the_same_places(name):
 
 
 @nine
-def test_an_instance_knows_no_policy(name):
+def test_an_instance_contains_no_name_of_a_policy(name):
     """An instance contains no policy, so that it is the same for all of them."""
     text = msgspec.json.encode(drawn(name)).decode()
     assert not any(f'"{word}"' in text for word in ("oracle", "heuristic", "random", "react", "scripted"))
@@ -131,7 +131,7 @@ def test_an_instance_knows_no_policy(name):
 @pytest.mark.parametrize(("name", "count"), [("ssr", "victims"), ("ufr", "fires"), ("cd", "points")])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_larger_group_keeps_the_members_of_a_smaller_one(name, count, seed):
-    """Matched studies over a count: the first victims, fires and points are the same ones."""
+    """In studies over a count, the first victims, fires and points are the same."""
     few, many = (targets(drawn(name, seed, **{count: number})) for number in (2.0, 4.0))
     assert few.items() <= many.items() and len(many) > len(few)
 
@@ -145,7 +145,7 @@ OTHER = {
 
 
 @pytest.mark.parametrize(("name", "other"), OTHER.items())
-def test_other_parameters_leave_the_targets_alone(name, other):
+def test_other_parameters_do_not_change_the_targets(name, other):
     assert targets(drawn(name, 4)) == targets(drawn(name, 4, **other))
 
 
@@ -165,7 +165,7 @@ SWEEPS = {
 
 
 @pytest.mark.parametrize(("name", "sweep"), SWEEPS)
-def test_the_papers_sweeps_are_declared(name, sweep):
+def test_the_sweeps_of_the_paper_are_declared(name, sweep):
     parameters, values, _ = SWEEPS[name, sweep]
     (declared,) = (each for each in kit.mission(name).sweeps if each.name == sweep)
     assert declared.parameters == parameters
@@ -179,13 +179,13 @@ def test_every_value_of_a_sweep_makes_an_instance(name, sweep):
     assert [each.settings[parameter] for each in made] == pytest.approx(values)
 
 
-def test_no_sweep_is_forgotten():
+def test_every_declared_sweep_is_in_the_table():
     declared = {(name, sweep.name) for name in NINE for sweep in kit.mission(name).sweeps}
     assert declared == set(SWEEPS)
 
 
 @pytest.mark.parametrize("side", [2, 3, 4])
-def test_the_grid_has_as_many_cells_as_are_asked_for(side):
+def test_the_grid_has_the_requested_number_of_cells(side):
     cells = drawn("ssr", 0, None, side=float(side)).cells
     assert len(cells) == side * side
     assert {(cell.row, cell.column) for cell in cells} == {
@@ -193,7 +193,7 @@ def test_the_grid_has_as_many_cells_as_are_asked_for(side):
     }
 
 
-def test_overlap_makes_cells_wider_and_nothing_else():
+def test_overlap_makes_cells_wider_and_keeps_their_centres():
     narrow, wide = (drawn("ssr", 0, None, overlap=share).cells for share in (0.1, 0.4))
     for before, after in zip(narrow, wide, strict=True):
         assert before.centre == pytest.approx(after.centre)
@@ -221,14 +221,14 @@ def test_five_vans_serve_any_number_of_points():
         assert len(vans) == 5 and {van.properties["payload_kg"] for van in vans} == {200.0}
 
 
-def test_six_victims_by_hand():
+def test_the_number_of_victims_can_be_set_to_six_at_most():
     instance = drawn("ssr", 2, None, victims=6.0)
     assert sum(entity.group == "victim" for entity in instance.entities) == 6
     with pytest.raises(UsageError, match="victims"):
         instantiate(kit.mission("ssr"), settings={"victims": 7.0})
 
 
-# -- the arithmetic that makes the budgets mean something
+# -- budgets and speeds
 
 CLOCKS = {
     "vdn": (140, 20.0), "bi": (60, 10.0), "ld": (50, 20.0), "idf": (300, 10.0), "upr": (300, 5.0), "ufr": (60, 20.0),
@@ -238,7 +238,7 @@ SPEEDS = {"quadruped": 1.5, "vessel": 3.0}
 
 
 @nine
-def test_budgets_ticks_and_speeds_are_the_papers(name):
+def test_budgets_ticks_and_speeds_are_those_of_the_paper(name):
     instance = drawn(name)
     assert (instance.budget.ticks, instance.clock.tick_s) == CLOCKS[name]
     for entity in instance.entities:

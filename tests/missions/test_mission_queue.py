@@ -25,7 +25,7 @@ def tally(play, shop, tick, people=None, box=CENTRE_BOX):
 
 
 def count(play, shop, people=None, box=CENTRE_BOX):
-    """Look at one shop and say how many there are."""
+    """Take a picture of one shop and report the number of people."""
     play.stage.boxes = {shop: CENTRE_BOX}
     play.do({"counter": does("takePhoto")})
     tick = play.published.record.tick
@@ -52,7 +52,7 @@ def test_the_dog_joins_the_longest_queue_within_five_metres_inclusively(mode, be
         assert play.emitted() == ([f"join {longest(play)}"] if counts else [])
 
 
-def test_another_queue_is_joined_but_not_the_longest():
+def test_joining_a_shorter_queue_is_recorded_but_is_no_success():
     with kit.playing("queue") as play:
         for shop in SHOPS:
             count(play, shop)
@@ -62,7 +62,7 @@ def test_another_queue_is_joined_but_not_the_longest():
         assert not play.done and all(kind != "joined" for kind, *_ in play.kinds())
 
 
-def test_no_queue_opens_before_all_are_counted():
+def test_no_queue_can_be_joined_before_all_are_counted():
     with kit.playing("queue") as play:
         for shop in SHOPS[:2]:
             count(play, shop)
@@ -80,13 +80,13 @@ def test_a_count_may_be_wrong_by_a_quarter(wrong, counts):
         assert ("matched", shop) in play.kinds()
 
 
-def test_a_count_without_a_box_that_matches_is_none():
+def test_a_count_without_a_matching_box_is_not_accepted():
     with kit.playing("queue") as play:
         count(play, SHOPS[0], box=kit.shifted(0.49))
         assert play.kinds() == []
 
 
-def test_how_long_the_queues_are_is_hidden_and_seeded():
+def test_the_lengths_of_the_queues_are_hidden_and_depend_on_the_seed():
     """The brief gives the places of the shops, and not the number of waiting people, which only pictures show."""
     drawn = set()
     for seed in range(6):
@@ -102,7 +102,7 @@ def test_how_long_the_queues_are_is_hidden_and_seeded():
         assert views["shop[1]"].position is not None and not views["shop[1]"].resources
 
 
-def test_instances_that_differ_in_their_queues_look_the_same():
+def test_observations_and_briefs_do_not_depend_on_the_lengths_of_the_queues():
     instance = kit.still(kit.staged("queue")[0])
     other = msgspec.structs.replace(
         instance,
@@ -123,7 +123,7 @@ def test_instances_that_differ_in_their_queues_look_the_same():
     assert seen[0] == seen[1]
 
 
-def test_the_word_of_the_counter_goes_to_the_walker():
+def test_an_order_of_the_counter_gives_the_declared_relations_to_the_walker():
     with kit.playing("queue") as play:
         count(play, SHOPS[1])
         play.do({"counter": says("order", assignee="dog", task="join", position=(1.0, 2.0))})
@@ -133,11 +133,11 @@ def test_the_word_of_the_counter_goes_to_the_walker():
         assert ("dependency", "detect", "tell") in kinds
 
 
-# -- what makes it playable by policies that read rules
+# -- tasks for policies that read rules
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_task_that_is_asked_for_is_the_longest_queue(seed):
+def test_the_required_task_is_joining_the_longest_queue(seed):
     instance, _ = kit.staged("queue", None, seed)
     people = {entity.id: entity.properties["people"] for entity in instance.entities if entity.group == "shop"}
     assert [(task.name, task.target) for task in required_tasks(instance)] == [
@@ -149,7 +149,7 @@ def attr(variable, name):
     return Attr(base=Ref(name=variable, kind="local"), name=name)
 
 
-def test_a_comparison_chooses_only_where_declarations_tell():
+def test_a_comparison_selects_members_only_by_declared_values():
     instance, _ = kit.staged("queue")
     shops = tuple(entity for entity in instance.entities if entity.group == "shop")
     least = Aggregate(function="min", variable="p", domain="shop", body=attr("p", "people"))
@@ -158,13 +158,13 @@ def test_a_comparison_chooses_only_where_declarations_tell():
     assert chosen.properties["people"] == min(shop.properties["people"] for shop in shops)
     event = Call(function="emitted", arguments=(Symbol(name="join"), Ref(name="q", kind="local")))
     assert matching_members(event, "q", shops, instance) == shops
-    nobody = Binary(operator=">", left=attr("q", "people"), right=Number(value=1000.0))
-    assert matching_members(nobody, "q", shops, instance) == shops
+    no_shop = Binary(operator=">", left=attr("q", "people"), right=Number(value=1000.0))
+    assert matching_members(no_shop, "q", shops, instance) == shops
     unknown = Binary(operator=">", left=attr("q", "colour"), right=Number(value=1.0))
     assert matching_members(Binary(operator="and", left=unknown, right=shortest), "q", shops, instance) == (chosen,)
 
 
-def test_stocks_that_interactions_change_tell_nothing_beforehand():
+def test_a_stock_that_interactions_change_has_no_declared_value():
     instance, _ = kit.staged("cd", "star", 0, (("points", 5.0),))
     point = next(entity for entity in instance.entities if entity.group == "point")
     van = next(entity for entity in instance.entities if entity.group == "van")
@@ -173,18 +173,18 @@ def test_stocks_that_interactions_change_tell_nothing_beforehand():
     assert len(required_tasks(instance)) == 5
 
 
-# -- played
+# -- played episodes
 
 
 def played(policy, seed, ticks):
-    """An episode with the real engines (but for pictures, which show what is right below) and one policy for all."""
+    """An episode with one policy for all agents and the real engines, except that pictures show only what is below."""
     host = PluginHost()
     plugin = host.policy(policy)
     instance, _ = kit.staged("queue", None, seed)
-    everybody = frozenset(agent.id for agent in instance.agents) if plugin.privileged else frozenset()
+    privileged = frozenset(agent.id for agent in instance.agents) if plugin.privileged else frozenset()
     stage = Stage(sight_m=30.0)
     engines = ("city", "multirotor", "quadruped")
-    with kit.playing("queue", seed=seed, real=engines, instance=instance, stage=stage, privileged=everybody) as play:
+    with kit.playing("queue", seed=seed, real=engines, instance=instance, stage=stage, privileged=privileged) as play:
         barrier = policy_barrier(play.kernel, {agent.id: plugin.factory() for agent in instance.agents})
         try:
             for _ in range(ticks):
@@ -200,7 +200,7 @@ def played(policy, seed, ticks):
 
 
 @pytest.mark.thorough
-def test_the_oracle_plays_it_without_knowing_it():
+def test_the_oracle_wins_the_queue_mission():
     play = played("oracle", 5, 60)
     assert play.success
     (event,) = (event for boundary in play.all for event in boundary.record.task_events if event.kind == "join")
@@ -208,6 +208,6 @@ def test_the_oracle_plays_it_without_knowing_it():
     assert event.entities == (max(people, key=people.__getitem__), "dog")
 
 
-def test_chance_alone_does_not():
+def test_the_random_policy_does_not_win_the_queue_mission():
     play = played("random", 0, 6)
     assert not play.done and play.published.evaluation.reward == 0.0

@@ -34,7 +34,7 @@ def off_m(place, a, b):
 
 
 class Planned:
-    """The van's routes of one instance: the first, and what it is given for each jam at a waypoint of the last."""
+    """The van's routes of one instance: the first, and one more for each jam at a waypoint of the previous route."""
 
     def __init__(self, engine, instance, goal, *, whole: bool = False) -> None:
         self.engine, self.goal, self.whole = engine, goal, whole
@@ -42,12 +42,12 @@ class Planned:
         self.uav = next(entity.position for entity in instance.entities if entity.id == "uav")
         self.routes, self.stood = [], []
         x, y, _ = goal
-        self.ask("route", x, y)
+        self.request("route", x, y)
         while (jam := self.met(self.routes[-1])) is not None and len(self.routes) <= len(self.jams):
             self.stood.append(jam)
-            self.ask("replan", *jam.position[:2])
+            self.request("replan", *jam.position[:2])
 
-    def ask(self, verb, x, y):
+    def request(self, verb, x, y):
         number = len(self.routes) + 1
         command = Command(
             id=f"k{number}", tick=number, sender="kernel", resource="van", verb=verb,
@@ -94,7 +94,7 @@ def planned_in(city: City, instance: Instance, seed: int, *, whole: bool) -> Ite
 
 @pytest.fixture(scope="module")
 def drawn() -> dict[str, list[tuple[list, int, tuple[float, float, float]]]]:
-    """For each mission and seed: the routes one after the other, how many jams were met, where the UAV starts."""
+    """For each mission and seed: the routes in order, the number of jams on them, and the start of the UAV."""
     pictures: dict[str, list[tuple[list, int, tuple[float, float, float]]]] = {}
     for name in GOALS:
         for seed in SEEDS:
@@ -118,24 +118,24 @@ def test_the_uav_reaches_each_waypoint_within_a_tick(name, drawn):
 
 
 @missions
-def test_a_jam_stands_on_the_first_route_of_some_draws_and_not_of_all(name, drawn):
+def test_the_first_route_of_some_draws_but_not_of_all_has_a_jam(name, drawn):
     met = sum(jams > 0 for _, jams, _ in drawn[name])
     assert len(SEEDS) / 2 <= met < len(SEEDS)
 
 
 @missions
-def test_around_every_jam_leads_a_route_without_one(name, drawn):
+def test_the_last_planned_route_has_no_jam(name, drawn):
     for routes, jams, _ in drawn[name]:
         assert len(routes) == jams + 1
         assert [route.number for route in routes] == list(range(1, jams + 2))
         assert all(a.waypoints != b.waypoints for a, b in pairwise(routes))
 
 
-def test_replanning_more_than_once_is_asked_of_some_draws_of_cr(drawn):
+def test_draws_of_cr_need_zero_to_two_replans(drawn):
     assert {jams for _, jams, _ in drawn["cr"]} == {0, 1, 2}
 
 
-def test_at_tier_1_the_first_route_of_cr_has_a_jam_and_the_way_around_it_another():
+def test_at_tier_1_the_first_route_of_cr_and_the_detour_each_have_a_jam():
     """A player that names no jam, or that names a wrong place, has no clear route by chance. Streets vary: a guess of
     one of them is wrong in most draws."""
     streets = set()
@@ -153,8 +153,8 @@ def test_at_tier_1_the_first_route_of_cr_has_a_jam_and_the_way_around_it_another
 
 
 @pytest.mark.parametrize(("jams", "met"), [(0.0, {0}), (1.0, {1}), (3.0, {2, 3})])
-def test_another_number_of_jams_leaves_as_many_to_meet_as_success_asks_for(jams, met):
-    """Success asks for the names of `min(jams, 2)`. The last route has no jam."""
+def test_routes_have_the_number_of_jams_that_success_requires_for_any_setting(jams, met):
+    """Success requires reports of `min(jams, 2)` jams. The last route has no jam."""
     for seed in range(6):
         with planned("cr", seed, drawn=True, jams=jams) as plan:
             assert len(plan.stood) in met, (seed, plan.jams)

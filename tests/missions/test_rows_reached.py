@@ -23,7 +23,7 @@ def test_the_dog_arrives_within_thirty_metres_inclusively(beyond, counts):
         assert play.success is counts
 
 
-def test_a_dog_outside_the_compound_has_not_arrived_however_near_it_is():
+def test_a_dog_outside_the_compound_has_not_arrived_even_near_the_building():
     """The wall is in between: the target region lies inside the compound."""
     with kit.playing("vdn") as play:
         house = play.entity("home")
@@ -34,7 +34,7 @@ def test_a_dog_outside_the_compound_has_not_arrived_however_near_it_is():
         assert play.emitted() == play.kinds() == []
 
 
-def test_a_dog_that_says_stop_has_not_arrived():
+def test_a_dog_that_stops_has_not_arrived():
     with kit.playing("vdn") as play:
         for _ in range(3):
             play.do({"navigator": does("stop")})
@@ -42,7 +42,7 @@ def test_a_dog_that_says_stop_has_not_arrived():
 
 
 def test_each_subtask_has_forty_ticks():
-    """A dog that never enters the compound uses up its first subtask, long before the 140 ticks of the whole."""
+    """A dog that never enters the compound fails in its first subtask, long before the 140 ticks of the mission."""
     with kit.playing("vdn") as play:
         assert play.instance.budget.ticks == 140
         play.wait(39)
@@ -60,11 +60,11 @@ def test_a_subtask_done_in_its_last_tick_is_in_time():
         assert play.stages() == ["enter"] and not play.done
 
 
-# -- IDF: a dog within 2 m of each fire, and the engine's word that it is out
+# -- IDF: a dog within 2 m of each fire, and the engine's event that it is extinguished
 
 
 @edge
-def test_a_dog_puts_a_fire_out_within_two_metres_inclusively(beyond, counts):
+def test_a_dog_extinguishes_a_fire_within_two_metres_inclusively(beyond, counts):
     with kit.playing("idf", fires=1.0) as play:
         play.put("dog[2]", "fire[1]", north=2.0 + beyond)
         play.wait(5)
@@ -72,8 +72,8 @@ def test_a_dog_puts_a_fire_out_within_two_metres_inclusively(beyond, counts):
         assert play.success is counts
 
 
-def test_being_there_is_not_enough_the_fire_must_be_out():
-    """A dog that leaves before the fire is out has achieved nothing: it burns on and grows again."""
+def test_a_dog_that_leaves_early_does_not_extinguish_the_fire():
+    """If the dog leaves before the fire is out, the fire burns on and grows again."""
     with kit.playing("idf", fires=1.0) as play:
         play.put("dog[1]", "fire[1]")
         play.do()
@@ -82,7 +82,7 @@ def test_being_there_is_not_enough_the_fire_must_be_out():
         assert play.emitted() == [] and not play.done
 
 
-def test_every_fire_must_be_out():
+def test_success_requires_every_fire_to_be_extinguished():
     with kit.playing("idf") as play:
         fires = [entity.id for entity in play.instance.entities if entity.group == "fire"]
         for name in fires:
@@ -93,7 +93,7 @@ def test_every_fire_must_be_out():
         assert play.success
 
 
-def test_a_dog_that_claims_a_fire_is_out_is_not_believed():
+def test_a_claim_that_a_fire_is_extinguished_does_not_count():
     with kit.playing("idf", fires=1.0) as play:
         place = play.entity("fire[1]").position[:2]
         play.do({"searcher[1]": does("takePhoto")})
@@ -105,7 +105,7 @@ def test_a_dog_that_claims_a_fire_is_out_is_not_believed():
         assert play.kinds() == [] and play.emitted() == [] and not play.done
 
 
-def test_a_sighting_is_matched_with_its_box_and_is_no_extinguishing():
+def test_a_sighting_is_matched_by_its_box_and_does_not_extinguish_the_fire():
     with kit.playing("idf", fires=1.0) as play:
         play.stage.boxes = {"fire[1]": CENTRE_BOX}
         play.do({"searcher[2]": does("takePhoto")})
@@ -174,7 +174,7 @@ def test_a_van_loads_within_fifty_metres_of_the_warehouse_inclusively(mode, beyo
 
 @modes
 def test_the_large_order_takes_more_than_one_load(mode):
-    """250 kg are wanted and a van holds 200: standing there longer delivers nothing more."""
+    """The demand is 250 kg and a van holds 200 kg. A longer stay delivers nothing more."""
     with kit.playing("cd", mode, points=5.0) as play:
         spread_out(play)
         play.put("van[1]", "point[1]")
@@ -201,7 +201,7 @@ def test_one_van_may_split_the_order_over_two_trips(mode):
 
 
 @modes
-def test_what_drivers_say_they_delivered_counts_for_nothing(mode):
+def test_delivery_claims_of_drivers_do_not_count(mode):
     with kit.playing("cd", mode, points=5.0) as play:
         spread_out(play)
         play.do()
@@ -214,7 +214,7 @@ def test_what_drivers_say_they_delivered_counts_for_nothing(mode):
 
 
 @modes
-def test_the_score_follows_what_the_engine_confirmed(mode):
+def test_the_score_follows_the_deliveries_that_the_engine_confirms(mode):
     """Points are served one after another; the success is that of the last one."""
     with kit.playing("cd", mode, points=5.0) as play:
         spread_out(play)
@@ -235,8 +235,8 @@ def test_the_score_follows_what_the_engine_confirmed(mode):
 
 
 @modes
-def test_a_restocking_that_was_begun_must_end_before_the_success(mode):
-    """All is delivered while a van that is not full is on its way to the warehouse: it has to load first."""
+def test_a_started_restocking_must_end_before_the_success(mode):
+    """All is delivered while a van that is not full drives to the warehouse. This van has to load first."""
     with kit.playing("cd", mode, points=5.0) as play:
         spread_out(play)
         play.put("van[3]", "point[5]")
@@ -257,7 +257,7 @@ def test_a_restocking_that_was_begun_must_end_before_the_success(mode):
         assert play.success
 
 
-def test_nothing_is_taken_by_a_van_that_is_empty():
+def test_an_empty_van_delivers_nothing():
     with kit.playing("cd", points=5.0) as play:
         spread_out(play)
         play.put("van[1]", "point[1]")

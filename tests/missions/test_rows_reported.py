@@ -1,7 +1,7 @@
 """The rows of the adjudication table that begin with a report: BI, UPR, UFR and SSR.
 
-Each at exactly its radius, just inside and just outside, and with a policy that lies. Distances that decide are exact:
-the radii are inclusive to the last bit.
+Each row is checked at exactly its radius, just inside and just outside, and with a policy that sends false reports.
+Deciding distances are exact: the radii are inclusive to the last bit.
 """
 
 from __future__ import annotations
@@ -82,20 +82,20 @@ def judged(row, *reports, act=None):
 
 
 @by_row
-def test_a_true_report_is_detected_and_located_and_they_are_two_events(row):
+def test_a_true_report_gives_one_event_of_detection_and_one_of_localisation(row):
     assert judged(row, row.report) == ["matched", row.located]
 
 
 @by_row
 @pytest.mark.parametrize(("share", "counts"), [(0.5 + 1e-12, True), (0.51, True), (0.4999, False), (0.0001, False)])
-def test_boxes_match_from_one_half_on(row, share, counts):
+def test_boxes_match_from_an_overlap_of_one_half(row, share, counts):
     events = judged(row, lambda play: row.report(play, box=kit.shifted(share)))
     assert (events == ["matched", row.located]) is counts
     assert bool(events) is counts
 
 
 @by_row
-def test_one_half_itself_is_a_match(row):
+def test_an_overlap_of_exactly_one_half_matches(row):
     """Boxes of 1/4 by 1/4 and 1/2 by 1/4 have an overlap of exactly one half."""
     with opened(row) as play:
         play.stage.boxes = {row.target: (0.25, 0.25, 0.5, 0.5)}
@@ -106,7 +106,7 @@ def test_one_half_itself_is_a_match(row):
 
 
 @by_row
-def test_the_class_must_be_the_targets(row):
+def test_a_report_must_name_the_class_of_the_target(row):
     assert judged(row, lambda play: row.report(play, cls="car")) == []
 
 
@@ -132,7 +132,7 @@ def test_at_sea_the_coordinate_is_accepted_within_the_rescue_region(row, place, 
 
 
 @pytest.mark.parametrize(("aside", "counts"), [(6.0, True), (5.99, True), (6.01, False)])
-def test_a_leaks_coordinate_lies_in_the_region_around_the_pipe_too(aside, counts):
+def test_the_coordinate_of_a_leak_must_also_lie_in_the_region_of_the_pipe(aside, counts):
     def report(play):
         x, y, _ = play.entity("leak[1]").position
         assert x == 20.0, "this seed's leak is on the straight north-south run"
@@ -142,8 +142,8 @@ def test_a_leaks_coordinate_lies_in_the_region_around_the_pipe_too(aside, counts
 
 
 @by_row
-def test_a_box_counts_for_its_own_capture_time_alone(row):
-    """The target is elsewhere in the next picture: its box there is no box for the picture before."""
+def test_a_box_counts_only_for_the_picture_that_shows_it(row):
+    """The target is elsewhere in the next picture. Its box there does not match in the previous picture."""
     with opened(row) as play:
         photograph(row, play)
         play.stage.boxes = {row.target: (0.1, 0.1, 0.3, 0.3)}
@@ -156,7 +156,7 @@ def test_a_box_counts_for_its_own_capture_time_alone(row):
 
 
 @by_row
-def test_a_box_is_claimed_once(row):
+def test_a_second_report_of_the_same_box_does_not_count(row):
     """A second report of the same box in the same picture is a false positive, whatever place it names."""
     wrong = (row.near_m or 0.0) + 0.01
     far = {"at": (-5000.0, 0.0)} if row.near_m is None else {"off": -wrong}
@@ -164,7 +164,7 @@ def test_a_box_is_claimed_once(row):
 
 
 @by_row
-def test_a_picture_that_shows_nothing_makes_no_detection(row):
+def test_a_report_of_a_picture_without_the_target_gives_no_detection(row):
     with opened(row) as play:
         play.do({row.reporter: does("takePhoto", camera="nadir")})
         play.do({row.reporter: row.report(play)})
@@ -181,8 +181,8 @@ def test_a_picture_that_was_never_taken_cannot_be_reported(row):
 
 
 @by_row
-def test_nothing_opens_without_a_report(row):
-    """The actor stands on the target from the start; only a report that counts lets anything happen."""
+def test_no_interaction_happens_without_a_valid_report(row):
+    """The actor stands on the target from the start. Only a valid report unlocks its interaction."""
     with opened(row) as play:
         play.put(row.actor, row.target)
         play.wait(4)
@@ -194,8 +194,8 @@ def test_nothing_opens_without_a_report(row):
 
 
 @by_row
-def test_claims_without_engine_truth_open_nothing(row):
-    """Status messages that say it is done, and a report one centimetre too far, with the actor on the spot."""
+def test_false_claims_unlock_no_interaction(row):
+    """Status messages that claim success, and a report one centimetre too far, with the actor at the target."""
     with opened(row) as play:
         play.put(row.actor, row.target)
         photograph(row, play)
@@ -215,7 +215,7 @@ def test_claims_without_engine_truth_open_nothing(row):
 
 @by_row
 @pytest.mark.parametrize(("beyond", "counts"), [(0.0, True), (-0.01, True), (0.01, False)])
-def test_the_actor_acts_within_its_radius_inclusively(row, beyond, counts):
+def test_the_actor_interacts_within_its_radius_inclusively(row, beyond, counts):
     with opened(row) as play:
         photograph(row, play)
         play.do({row.reporter: row.report(play)})
@@ -228,7 +228,7 @@ def test_the_actor_acts_within_its_radius_inclusively(row, beyond, counts):
 
 
 @by_row
-def test_detection_localisation_and_execution_are_stages_of_their_own(row):
+def test_detection_localisation_and_execution_are_separate_stages(row):
     """One after the other, at different boundaries: detected with a wrong place, located later, executed last."""
     with opened(row) as play:
         photograph(row, play)
@@ -246,8 +246,8 @@ def test_detection_localisation_and_execution_are_stages_of_their_own(row):
 
 
 @pytest.mark.parametrize("row", [UFR, UFR_STAR, SSR, SSR_STAR], ids=str)
-def test_every_target_must_be_done(row):
-    """With two targets, one of them done is half a score and no success."""
+def test_success_requires_every_target(row):
+    """With two targets, completing one gives half a score and no success."""
     other = row.target.replace("1", "2")
     with kit.playing(row.mission, row.mode, **({"fires": 2.0} if row.mission == "ufr" else {"victims": 2.0})) as play:
         play.stage.boxes = {row.target: CENTRE_BOX, other: (0.7, 0.7, 0.9, 0.9)}

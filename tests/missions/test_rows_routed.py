@@ -52,7 +52,7 @@ def test_a_waypoint_is_inspected_within_twenty_five_metres_inclusively(name, bey
 
 
 @both_missions
-def test_waypoints_are_inspected_in_their_order(name):
+def test_waypoints_must_be_inspected_in_order(name):
     with opened(name) as play:
         play.do()
         look_at(play, SECOND, FIRST, play.entity(GOALS[name]).position)
@@ -74,8 +74,8 @@ def test_the_van_may_not_drive_before_its_route_is_inspected(name):
 
 
 @both_missions
-def test_a_van_that_stands_at_the_goal_uninspected_has_not_arrived(name):
-    """Its way there and reports of a clear route make no difference."""
+def test_a_van_at_the_goal_of_an_uninspected_route_has_not_arrived(name):
+    """Reports of a clear route make no difference."""
     with opened(name) as play:
         play.put("van", GOALS[name])
         hub = {"driver": says("progress", task="arrive", state="done")}
@@ -100,7 +100,7 @@ def test_the_van_arrives_within_thirty_metres_inclusively(name, beyond, counts):
 
 
 @both_missions
-def test_a_replan_begins_the_inspection_anew(name):
+def test_a_replan_restarts_the_inspection(name):
     with opened(name) as play:
         inspect(play, name)
         assert play.stages() == ["inspect"]
@@ -144,7 +144,7 @@ def test_congestion_is_recorded_by_a_uav_that_flies_over_it_within_a_tick(name):
 
 
 def test_congestion_that_is_only_claimed_is_not_recorded():
-    """The policy names the very place of the jam, which the UAV has never been near."""
+    """The policy reports the exact place of the jam, but the UAV has never been near it."""
     with opened("cr") as play:
         play.do()
         play.do({"inspector": says("jammed", waypoint=1, position=play.entity("jam[1]").position[:2])})
@@ -154,8 +154,7 @@ def test_congestion_that_is_only_claimed_is_not_recorded():
 
 @pytest.mark.parametrize("name", ["ld", "cr"])
 def test_a_route_with_a_jam_on_it_is_not_verified_by_flying_over_it(name):
-    """The UAV has visited every waypoint, and no report of a jam was sent. The arrival does not count; after the replan
-    that should have followed, it does."""
+    """The UAV has visited every waypoint, and no report of a jam was sent. The arrival counts only after a replan."""
     with opened(name) as play:
         jam, goal = play.entity("jam[1]").position, play.entity(GOALS[name]).position
         play.stage.routes[0] = (FIRST, jam, goal)
@@ -174,8 +173,8 @@ def test_a_route_with_a_jam_on_it_is_not_verified_by_flying_over_it(name):
 @pytest.mark.parametrize(("radius", "beside", "verified"), [
     (None, 14.9, False), (None, 15.1, True), (4.0, 14.9, False), (20.0, 19.9, False), (20.0, 20.1, True),
 ])  # fmt: skip
-def test_a_jam_without_a_radius_blocks_what_its_queue_does(radius, beside, verified):
-    """As far as the road engine has vehicles queue: its radius, 15 m at least."""
+def test_a_jam_without_a_radius_blocks_the_length_of_its_queue(radius, beside, verified):
+    """The road engine lets vehicles queue within the radius of the jam, 15 m at least."""
     with opened("cr") as play:
         jam, goal = play.entity("jam[1]"), play.entity(GOALS["cr"]).position
     others = {key: value for key, value in jam.properties.items() if key != "radius_m"}
@@ -195,7 +194,7 @@ def test_a_jam_without_a_radius_blocks_what_its_queue_does(radius, beside, verif
 @pytest.mark.parametrize(("off", "named", "wins"), [
     (12.0, 2, True), (12.1, 2, False), (0.0, 1, False), (0.0, 0, False),
 ])  # fmt: skip
-def test_at_tier_1_a_route_counts_only_after_both_jams_were_named_where_they_are(off, named, wins):
+def test_at_tier_1_a_route_counts_only_after_both_jams_were_reported_at_their_places(off, named, wins):
     """The route is clear in each case: a player that names wrong places, or none, may have it by chance."""
     instance = kit.still(kit.staged("cr", None, 0, (("evidence", 1.0),))[0])
     checks = tuple(msgspec.structs.replace(check, pictured=False) for check in instance.inspections)
@@ -216,7 +215,7 @@ def test_at_tier_1_a_route_counts_only_after_both_jams_were_named_where_they_are
 
 
 @pytest.mark.parametrize("most", [0.0, 3.0, 6.0])
-def test_replans_are_counted(most):
+def test_replans_are_limited(most):
     with opened("cr", replans_most=most) as play:
         play.do()
         for _ in range(int(most) + 1):
@@ -259,7 +258,7 @@ def test_a_dog_at_the_house_before_the_van_has_arrived_has_delivered_nothing():
         assert "receive house" not in play.emitted() and not play.done
 
 
-def test_the_dog_waits_for_the_van():
+def test_the_dog_may_not_move_before_the_van_has_arrived():
     with opened("ld") as play:
         play.do({"courier": does("forward", distance=5.0)})
         assert play.reasons("courier") == [("rejected", "not_permitted")]
@@ -269,7 +268,7 @@ def test_the_dog_waits_for_the_van():
 
 
 @pytest.mark.parametrize("most", [10.0, 25.0])
-def test_moves_are_counted_over_the_inspector_and_the_driver(most):
+def test_moves_of_the_inspector_are_limited(most):
     with opened("ld", moves_most=most) as play:
         for _ in range(int(most) + 1):
             play.do({"inspector": does("takeoff")})
@@ -280,7 +279,7 @@ def test_moves_are_counted_over_the_inspector_and_the_driver(most):
         assert outcomes[int(most) :] == ["rejected"]
 
 
-def test_the_steps_of_the_dog_are_no_moves_of_the_route():
+def test_steps_of_the_dog_do_not_count_as_moves():
     with opened("ld", moves_most=10.0) as play:
         delivered_to_the_stop(play)
         for _ in range(12):

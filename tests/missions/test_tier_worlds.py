@@ -1,4 +1,4 @@
-"""Tier 1 of the nine missions: worlds that change with the seed, and what agents do not observe there."""
+"""Tier 1 of the nine missions: worlds that change with the seed, and the values that agents do not observe there."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def differ(world: tuple[int, list[tuple[float, float]]], other: tuple[int, list[
 
 
 @pytest.mark.parametrize(("name", "least"), [(name, 60 if name in ("upr", "vdn", "bi") else 95) for name in NINE])
-def test_a_hundred_seeds_have_that_many_different_worlds(name: str, least: int) -> None:
+def test_a_hundred_seeds_give_at_least_60_or_95_different_worlds(name: str, least: int) -> None:
     kept: list[tuple[int, list[tuple[float, float]]]] = []
     for world in worlds(name):
         if all(differ(world, known) for known in kept):
@@ -58,7 +58,7 @@ def test_eight_layouts_are_drawn_and_kept_within_sweeps(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NINE)
-def test_draws_that_agents_receive_have_few_values(name: str) -> None:
+def test_weather_at_tier_1_is_drawn_from_few_values(name: str) -> None:
     made = mission(name)
     weathers = [instantiate(made, seed=seed, tier=1).weather for seed in range(60)]
     for field in ("sun_elevation_deg", "sun_azimuth_deg", "cloud", "wind_mps", "wave_height_m"):
@@ -93,7 +93,9 @@ def observed(instance: Instance, agent: str) -> set[str]:
         ("ld", "star", "driver", {"van.*", "van.route"}),
     ],
 )
-def test_what_others_must_tell_is_not_observed(name: str, mode: str, agent: str, absent: set[str]) -> None:
+def test_values_that_other_agents_must_report_are_not_observed(
+    name: str, mode: str, agent: str, absent: set[str]
+) -> None:
     made = mission(name)
     assert not absent & observed(instantiate(made, mode=mode, tier=1), agent)
     assert observed(instantiate(made, mode=mode, tier=1), agent) != observed(instantiate(made, mode=mode), agent)
@@ -105,7 +107,7 @@ def test_the_courier_of_tier_1_has_no_reference_picture() -> None:
 
 
 @pytest.mark.parametrize("name", NINE)
-def test_a_mission_can_be_shown_at_a_tier(name: str) -> None:
+def test_at_tier_resolves_the_alternatives_of_a_mission(name: str) -> None:
     made = mission(name)
     plain, hard = at_tier(made), at_tier(made, 1)
     assert plain != hard and not any(group.alternatives for group in (*plain.groups, *hard.groups))

@@ -38,7 +38,7 @@ def text(*events: str) -> str:
 
 
 def lines(mission_text: str, ticks: int) -> list[list[str]]:
-    """The events of the mission at each boundary, as the log has them."""
+    """The lines of the log for the events of the mission at each boundary."""
     with episode(mission_text, seed=1, stage=Stage()) as run:
         rows = [[event.line for event in run.published.record.task_events if event.name]]
         for _ in range(ticks):
@@ -62,7 +62,7 @@ def test_an_event_occurs_once_at_the_first_boundary_at_which_its_condition_holds
     assert marks(text("event gale when now > 25 s { weather { wind = 15 m/s from 220 deg } }")) == {"gale": [3]}
 
 
-def test_an_event_that_can_be_undone_gives_back_what_it_changed() -> None:
+def test_undoing_an_event_restores_the_previous_values() -> None:
     event = """event surge when now > 15 s until now > 35 s {
       weather { visibility = 500 m }, change g.level to g.level + 2 m, vanish buoy[1] }"""
     with episode(text(event), seed=1, stage=Stage()) as run:
@@ -106,7 +106,7 @@ def test_an_event_at_a_time_can_be_undone_and_repeat() -> None:
     assert marks(text(event), 9) == {"ebb": [2, -3, 6, -7]}
 
 
-def test_later_events_of_a_boundary_see_the_earlier_ones_and_each_changes_once() -> None:
+def test_later_events_of_a_boundary_use_earlier_changes_and_each_event_acts_once() -> None:
     """Two events that trigger each other end: each changes at most once at a boundary."""
     up = "event up when g.level < 2 m repeat every 1 s { change g.level to 3 m }"
     down = "event down when g.level > 2 m repeat every 1 s { change g.level to 1 m }"
@@ -114,7 +114,7 @@ def test_later_events_of_a_boundary_see_the_earlier_ones_and_each_changes_once()
     assert ticks_of == {"up": [0, 2, 4, 6], "down": [1, 3, 5]}
 
 
-def test_a_later_event_covers_an_earlier_one_and_leaves_it_in_force() -> None:
+def test_a_later_event_overrides_an_earlier_event_until_the_later_one_is_undone() -> None:
     storm = "event storm when now > 5 s { weather { wind = 15 m/s from 220 deg } }"
     fog = "event fog when now > 15 s until now > 35 s { weather { wind = 1 m/s from 0 deg, visibility = 100 m } }"
     with episode(text(storm, fog), seed=1, stage=Stage()) as run:
@@ -126,7 +126,7 @@ def test_a_later_event_covers_an_earlier_one_and_leaves_it_in_force() -> None:
     assert winds == [(15.0, 8000.0), (1.0, 100.0), (1.0, 100.0), (15.0, 8000.0), (15.0, 8000.0)]
 
 
-def test_undoing_an_event_does_not_overwrite_what_a_later_one_has_set() -> None:
+def test_undoing_an_event_does_not_overwrite_the_value_of_a_later_event() -> None:
     first = "event first when now > 5 s until now > 35 s { change g.level to 3 m }"
     second = "event second when now > 15 s { change g.level to 5 m }"
     with episode(text(first, second), seed=1, stage=Stage()) as run:
@@ -137,7 +137,7 @@ def test_undoing_an_event_does_not_overwrite_what_a_later_one_has_set() -> None:
     assert levels == [1.0, 3.0, 5.0, 5.0, 5.0, 5.0]
 
 
-def test_an_event_sets_a_status_word_and_opens_an_interaction_that_was_used_up() -> None:
+def test_an_event_sets_a_status_word() -> None:
     swap = "event swap when now > 15 s { change g.status to taken }"
     with episode(text(swap), seed=1, stage=Stage()) as run:
         for _ in range(3):
@@ -184,7 +184,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("event", WRONG)
-def test_a_wrong_event_has_one_error_that_names_it(event: str) -> None:
+def test_a_wrong_event_has_one_error_with_the_reason(event: str) -> None:
     code, words = WRONG[event]
     errors = [item for item in compile_text(text(event)).diagnostics if item.severity == "error"]
     assert [item.code for item in errors] == [code], errors
@@ -201,7 +201,7 @@ def test_a_wrong_event_has_one_error_that_names_it(event: str) -> None:
         "not alive(boat) or g.level == 4 m",
     ],
 )
-def test_what_an_event_may_bring_about_is_not_proved_impossible(success: str) -> None:
+def test_a_success_that_an_event_may_cause_is_not_proved_impossible(success: str) -> None:
     changes = "change g.level to 4 m, change g.stock to 0 kg, change g.status to taken, change buoy.level to 3 m"
     event = f"event e when now > 5 s {{ {changes} }}"
     winnable = text(event).replace("success when now > 115 s", f"success when {success}")
@@ -209,7 +209,7 @@ def test_what_an_event_may_bring_about_is_not_proved_impossible(success: str) ->
 
 
 @pytest.mark.parametrize("change", ["g.stock = 5 kg", "set g.stock = 5 kg"])
-def test_an_assignment_in_an_event_is_read_as_the_change_that_is_meant(change: str) -> None:
+def test_the_error_of_an_assignment_in_an_event_offers_a_change_statement(change: str) -> None:
     compilation = compile_text(text(f"event drain when now > 20 s {{ {change} }}"))
     (error,) = compilation.diagnostics
     assert (error.code, error.message) == ("LJ0010", "`g.stock = …` is no statement")
