@@ -70,7 +70,7 @@ def on(instance: Instance, what: str) -> list[Entity]:
 
 
 @pytest.mark.parametrize("name", NINE)
-def test_everything_stands_where_it_is_declared_to(name: str) -> None:
+def test_entities_are_placed_on_the_declared_surfaces(name: str) -> None:
     for seed in SEEDS:
         instance, city = anchored(name, seed)
         footing = Footing(city)
@@ -107,7 +107,7 @@ def test_everything_stands_where_it_is_declared_to(name: str) -> None:
                 assert roof is None or entity.position[2] >= roof, f"{entity.id} begins inside a building"
 
 
-def test_aircraft_wait_beside_the_road_and_at_sea_nothing_moves() -> None:
+def test_aircraft_begin_beside_roads_and_assets_at_sea_keep_their_places() -> None:
     for name in ("ufr", "cr", "ld"):
         instance, city = anchored(name, 0)
         footing = Footing(city)
@@ -168,7 +168,7 @@ def test_anchoring_is_deterministic_and_changes_only_places(name: str) -> None:
     assert anchor(instance, city) == instance, "what is anchored stays"
 
 
-def test_fires_burn_where_the_truck_reaches_them_each_on_a_roof_of_its_own() -> None:
+def test_fires_are_on_different_roofs_within_reach_of_the_truck() -> None:
     for seed in SEEDS:
         instance, city = anchored("ufr", seed, fires=6)
         fires = on(instance, "roof")
@@ -194,7 +194,7 @@ def test_vehicles_start_a_length_apart_and_along_their_lane() -> None:
             assert hypot(*van.position[:2]) < 60.0, "they start at the depot"
 
 
-def test_of_two_directions_a_vehicle_takes_that_of_its_heading() -> None:
+def test_a_vehicle_is_placed_on_the_lane_in_the_direction_of_its_heading() -> None:
     city = city_of("cr", 0)
     base = instantiate(mission("cr"), seed=0)
     for heading in (0.0, 90.0, 180.0, 270.0):
@@ -216,7 +216,9 @@ def test_of_two_directions_a_vehicle_takes_that_of_its_heading() -> None:
         ("cd", "van", ("point", "depot")),
     ],
 )
-def test_traffic_gets_from_the_start_to_every_end(name: str, start: str, ends: tuple[str, ...]) -> None:
+def test_vehicles_have_a_route_from_the_start_to_every_target_and_back(
+    name: str, start: str, ends: tuple[str, ...]
+) -> None:
     for seed in (0, 1):
         instance, city = anchored(name, seed)
         edges = {lane.id: road.id for road in city.roads for lane in road.lanes}
@@ -237,7 +239,7 @@ def test_traffic_gets_from_the_start_to_every_end(name: str, start: str, ends: t
         assert run.stdout.strip() == "[]"
 
 
-def test_no_house_is_as_white_as_the_reference_building() -> None:
+def test_no_other_building_has_the_colour_of_the_reference_building() -> None:
     """The camera paints the building that a target on a facade names: no other building has its colour."""
     instance, city = anchored("vdn", 1)
     home = next(entity for entity in instance.entities if entity.id == "home")
@@ -332,7 +334,7 @@ def test_entities_bound_to_a_surface_are_rejected_off_it(
 
 
 @pytest.mark.parametrize("name", ["bi", "ssr"])
-def test_boats_placed_on_water_float(name: str) -> None:
+def test_the_anchor_and_the_terrain_agree_about_water(name: str) -> None:
     """The anchor and the engines agree about water, also over land that lies below it."""
     city = city_of(name, 0)
     deep = Land(polygon=((600.0, -300.0), (900.0, -300.0), (900.0, 300.0)), top_m=-20.0, surface="sand")
@@ -344,7 +346,7 @@ def test_boats_placed_on_water_float(name: str) -> None:
     assert 5 < len(wet) - sum(wet) < 295
 
 
-def test_an_asset_without_an_elevation_stands_on_the_ground_and_not_at_the_waters_level() -> None:
+def test_an_asset_without_an_elevation_is_placed_on_the_ground_not_at_the_water_level() -> None:
     spec = msgspec.structs.replace(instantiate(mission("ufr"), seed=0), scene=instantiate(mission("bi"), seed=0).scene)
     uav = msgspec.structs.replace(spec.entities[-1], id="uav", role="asset", engine="multirotor", properties={})
     city = city_of("bi", 0)
@@ -360,7 +362,7 @@ def test_the_proofs_about_places_use_the_extents_of_the_scenes() -> None:
         assert reach is not None and city_of(name, 0).bounds == (-reach, -reach, reach, reach)
 
 
-def test_a_stored_city_anchors_as_the_same_city_held_inline(tmp_path) -> None:
+def test_a_stored_city_and_an_inline_city_give_the_same_places(tmp_path) -> None:
     instance, city = anchored("ufr", 2, fires=4)
     pieces = ("areas", "solids", "slopes", "buildings", "roads", "junctions", "bridges", "pipes", "props")
     light = msgspec.structs.replace(city, **dict.fromkeys((*pieces, "waters", "lands"), ()))
@@ -426,7 +428,9 @@ def yard() -> City:
         (52.0, 2.0, 0.0, False, False), (49.1, 2.0, 1.0, False, False), (48.9, 2.0, 1.0, True, True),
     ],
 )  # fmt: skip
-def test_a_place_is_clear_of_what_blocks_it(x: float, y: float, margin: float, clear: bool, off_road: bool) -> None:
+def test_a_place_is_clear_if_no_obstacle_or_lane_is_within_the_margin(
+    x: float, y: float, margin: float, clear: bool, off_road: bool
+) -> None:
     footing = Footing(yard())
     assert footing.is_clear(x, y, margin) == clear
     assert footing.is_clear(x, y, margin, off_road=True) == off_road

@@ -36,7 +36,7 @@ def hut(tmp_path: Path) -> Path:
     return bare.write(tmp_path / "hut.osm")
 
 
-def test_the_next_writer_removes_the_remainder_of_a_killed_one(tmp_path: Path) -> None:
+def test_the_next_writer_removes_the_remainder_of_a_killed_writer(tmp_path: Path) -> None:
     code = (
         "import os, sys; from pathlib import Path; from lingjing.scene.atomic_folder import folder_beside\n"
         "with folder_beside(Path(sys.argv[1])) as folder:\n"
@@ -51,7 +51,7 @@ def test_the_next_writer_removes_the_remainder_of_a_killed_one(tmp_path: Path) -
     assert list(tmp_path.iterdir()) == [mine]
 
 
-def test_writers_of_one_folder_at_once_leave_one_whole_city(tmp_path: Path, hut: Path) -> None:
+def test_concurrent_writers_of_one_folder_leave_one_complete_city(tmp_path: Path, hut: Path) -> None:
     target = tmp_path / "city"
     build(hut, Options(), tmp_path / "first")
     with ThreadPoolExecutor(8) as pool:
@@ -62,7 +62,7 @@ def test_writers_of_one_folder_at_once_leave_one_whole_city(tmp_path: Path, hut:
 
 
 @pytest.mark.parametrize("can_exchange", [True, False])
-def test_a_folder_that_writers_fight_over_is_always_a_city(
+def test_a_folder_with_competing_writers_always_holds_a_complete_city(
     tmp_path: Path, can_exchange: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two cities alternate in one folder. A concurrent reader finds one of them complete, and may write."""
@@ -175,7 +175,7 @@ def test_infinite_numbers_count_as_missing(value: str) -> None:
     assert metres({"k": value}, "k") is None
 
 
-def test_houses_of_endless_storeys_and_nodes_off_the_earth(tmp_path: Path) -> None:
+def test_infinite_storeys_are_ignored_and_nodes_off_the_earth_are_an_error(tmp_path: Path) -> None:
     town = Map()
     town.way(square(0, 0, 30), {"building": "yes", "building:levels": "inf", "height": "9" * 400})
     town.write(tmp_path / "town.osm")

@@ -27,7 +27,7 @@ def land(city: City) -> shapely.Geometry:
     return shapely.union_all([shapely.Polygon(part.polygon) for part in city.lands])
 
 
-def test_water_where_the_mission_sails_and_land_where_it_starts() -> None:
+def test_the_bay_has_water_in_the_search_area_and_land_at_the_start_of_the_uavs() -> None:
     city = bay()
     ground = land(city)
     assert not ground.intersects(SEARCH)
@@ -41,7 +41,7 @@ def test_water_where_the_mission_sails_and_land_where_it_starts() -> None:
             assert not any(shapely.Polygon(s.polygon).contains(spot) for s in city.solids if s.top_m > 1.0)
 
 
-def test_open_water_reaches_far_for_other_search_areas() -> None:
+def test_open_water_extends_far_enough_for_other_search_areas() -> None:
     ground = land(bay())
     point = shapely.box(85.0, -712.0, 586.0, -425.0)
     assert ground.difference(point).distance(shapely.Point(0.0, 0.0)) > 1560.0
@@ -69,7 +69,7 @@ def test_distractors_float_on_open_water_also_in_the_search_area() -> None:
     assert not any(hypot(p.position[0] - 12.4, p.position[1] + 1351.8) < 25.0 for p in city.props)
 
 
-def test_seed_and_options() -> None:
+def test_the_seed_changes_only_props_and_wrong_options_are_refused() -> None:
     assert bay(1) == bay(1)
     assert bay(1).props != bay(2).props and bay(1).lands == bay(2).lands
     assert not any(p.id.startswith("afloat") for p in bay(1, distractors=0).props)
@@ -79,13 +79,13 @@ def test_seed_and_options() -> None:
         bay(1, distractors="many")
 
 
-def test_other_datum_keeps_the_apron_over_the_water() -> None:
+def test_the_apron_stays_above_the_water_for_another_datum() -> None:
     high = build(SceneSpec(kind="bay", datum_m=0.0))
     assert apron_top_m(0.0) == 1.5 and max(p.top_m for p in high.lands if p.surface == "concrete") == 1.5
     assert apron_top_m(-3.5) == 0.9
 
 
-def test_inside() -> None:
+def test_within_applies_the_margin_to_the_outline() -> None:
     square = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
     assert within(square, 5, 5) and not within(square, 12, 5)
     assert (
@@ -95,7 +95,7 @@ def test_inside() -> None:
     )
 
 
-def test_same_in_another_process_and_without_numpy() -> None:
+def test_the_bay_is_the_same_in_another_process_and_needs_no_numpy() -> None:
     code = (
         "import sys, hashlib, msgspec; from lingjing.scene.bay import build;"
         "from lingjing.mission.instance import SceneSpec;"

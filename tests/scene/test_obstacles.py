@@ -28,7 +28,7 @@ def test_kerbs_and_high_objects_are_no_obstacles(base, top, free):
     assert (clearance(15.0, 15.0, solids=(slab,)) > 0.0) is free
 
 
-def test_pipes_trees_and_water_are_in_the_way():
+def test_pipes_trees_and_water_are_obstacles():
     pipe = Pipe(id="pipe", path=((-20.0, 0.0, 0.5), (20.0, 0.0, 0.5)), radius_m=0.4)
     tree = Prop(id="tree", cls="tree", model="tree", position=(-10.0, -10.0, 0.0))
     pond = Water(polygon=((-30.0, 20.0), (0.0, 20.0), (0.0, 30.0), (-30.0, 30.0)), level_m=0.0)

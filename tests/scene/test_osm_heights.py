@@ -58,7 +58,7 @@ def commercial_land(made: Map) -> list[str]:
     return rows(made, -440, 160, 20, 28.0, 28.0)
 
 
-# -- by the place
+# -- heights that follow from the place
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_isolated_buildings_in_fields_are_no_blocks(tmp_path: Path) -> None:
     assert tops[f"w{tower}"] == 27.0
 
 
-def test_a_large_city_has_towers_where_their_own_tags_name_them(tmp_path: Path) -> None:
+def test_a_large_city_has_towers_only_where_tags_of_buildings_indicate_them(tmp_path: Path) -> None:
     made = Map()
     made.node(0, 0, place="city", population="24000000")
     land = commercial_land(made)
@@ -103,7 +103,7 @@ def test_a_large_city_has_towers_where_their_own_tags_name_them(tmp_path: Path) 
     assert max(levels[ref] for ref in land) <= 8
 
 
-def test_a_metro_shows_a_large_city_where_no_place_is_named(tmp_path: Path) -> None:
+def test_a_metro_indicates_a_large_city_if_no_place_is_named(tmp_path: Path) -> None:
     tops = []
     for tags in ({"railway": "subway"}, {"railway": "rail"}):
         made = Map()
@@ -125,7 +125,7 @@ def test_the_nearest_place_counts_in_relation_to_its_size(tmp_path: Path) -> Non
     assert max(levels[ref] for ref in village) <= 3
 
 
-def test_a_place_counts_outside_of_the_part_that_is_built(tmp_path: Path) -> None:
+def test_a_place_outside_of_the_built_part_counts(tmp_path: Path) -> None:
     made = Map(half_m=None)
     made.node(900, 900, place="city", population="3000000")
     ids = rows(made, -440, -440, 60, 14.0, 40.0, building="apartments")
@@ -139,7 +139,7 @@ def test_a_place_counts_outside_of_the_part_that_is_built(tmp_path: Path) -> Non
     assert {ref: building.levels for ref, building in part.items()} == {ref: whole[ref].levels for ref in part}
 
 
-def test_more_people_build_higher() -> None:
+def test_the_tallest_building_rises_with_the_population() -> None:
     heights = [tallest_m(float(10**k)) for k in range(8)]
     assert heights == sorted(heights)
     assert heights[3] == 9.0
@@ -166,10 +166,10 @@ def test_own_tags_and_footprints_limit_heights(tmp_path: Path) -> None:
     assert tops[f"w{shed}"] <= 3.0
 
 
-# -- by the neighbours
+# -- heights that follow from the neighbours
 
 
-def test_three_towers_make_no_town_of_towers(tmp_path: Path) -> None:
+def test_three_towers_do_not_raise_the_other_buildings_of_a_town(tmp_path: Path) -> None:
     made = Map()
     made.node(0, 0, place="town", population="25000")
     rows(made, -440, -440, 80, 14.0, 30.0)
@@ -179,7 +179,7 @@ def test_three_towers_make_no_town_of_towers(tmp_path: Path) -> None:
     assert over_20_m(raised(made, tmp_path)) <= 0.02
 
 
-def test_a_housing_estate_of_towers_is_one(tmp_path: Path) -> None:
+def test_untagged_buildings_in_an_estate_of_towers_are_towers(tmp_path: Path) -> None:
     made = Map()
     made.node(0, 0, place="town", population="25000")
     made.way(square(-450, -450, 900), {"landuse": "residential"})
@@ -198,7 +198,7 @@ def test_a_housing_estate_of_towers_is_one(tmp_path: Path) -> None:
     assert counts.tallest_drawn_m == max(b.top_m for b in untagged(result) if b.id in shops)
 
 
-def test_towers_like_the_tallest_do_not_come_twice(tmp_path: Path) -> None:
+def test_an_exceptionally_tall_tower_does_not_raise_its_neighbours(tmp_path: Path) -> None:
     made = Map()
     made.way(square(-450, -450, 900), {"landuse": "commercial"})
     rows(made, -440, -440, 10, 30.0, 30.0, **{"building:levels": "20"})
@@ -208,7 +208,7 @@ def test_towers_like_the_tallest_do_not_come_twice(tmp_path: Path) -> None:
     assert levels[f"w{near}"] <= 26
 
 
-# -- by request
+# -- heights on request
 
 
 def test_default_levels_count_where_tags_state_none(tmp_path: Path) -> None:
@@ -230,7 +230,7 @@ def test_default_levels_count_where_tags_state_none(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("place", ["krems", "north-bayreuth", "krautsand"])
 @pytest.mark.parametrize("is_named", [True, False])
-def test_small_towns_look_like_small_towns(place: str, is_named: bool) -> None:
+def test_untagged_buildings_of_real_small_towns_are_low(place: str, is_named: bool) -> None:
     features = _features(DATA / "maps" / f"{place}.osm.gz")
     if not is_named:
         features = dataclasses.replace(features, places=())
@@ -242,7 +242,7 @@ def test_small_towns_look_like_small_towns(place: str, is_named: bool) -> None:
     assert all(tops.get(garage.ref, 0.0) <= 4.0 for garage in garages)
 
 
-def test_hidden_heights_of_lujiazui_come_back_at_least_as_well_as_before() -> None:
+def test_hidden_heights_of_lujiazui_are_estimated_at_least_as_well_as_before() -> None:
     features = _features(LUJIAZUI)
     true_tops = {building.id: building.top_m for building in buildings(features, 0).buildings}
     for seed, before_m in MEDIAN_ERRORS_M.items():

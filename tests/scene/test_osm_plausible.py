@@ -35,7 +35,7 @@ def named(city: Pieces, ref: str) -> list[Building]:
     return [building for building in city.buildings if building.id.partition("-")[0] == ref]
 
 
-def test_a_street_leads_through_a_high_building_in_a_passage_and_beside_a_low_one(tmp_path: Path) -> None:
+def test_a_street_passes_through_a_high_building_and_beside_a_low_building(tmp_path: Path) -> None:
     made = Map()
     made.way([(-200, 0), (-40, 0), (40, 0), (200, 0)], STREET)
     made.way([(-200, 60), (-40, 60)], STREET)
@@ -65,7 +65,7 @@ def test_a_street_leads_through_a_high_building_in_a_passage_and_beside_a_low_on
     assert passed and not any(road.tunnel for road in passed)
 
 
-def test_entrances_are_mapped_or_face_the_way_on_free_ground(tmp_path: Path) -> None:
+def test_entrances_are_mapped_or_face_the_street_on_free_ground(tmp_path: Path) -> None:
     made = Map()
     made.way([(-200, 0), (200, 0)], STREET)
     made.way([(0, 10), (10, 10), (20, 10), (20, 30), (0, 30), (0, 10)], {"building": "yes", "height": "9"})
@@ -130,7 +130,7 @@ def test_a_pipeline_in_the_open_is_built_and_crosses_streets_on_a_gantry(tmp_pat
     assert over == {5.5} and {round(z, 1) for x, _, z in pipe.path if abs(x) > 10.0} == {0.9}
 
 
-def test_small_houses_have_pitched_roofs_unless_the_map_says_otherwise(tmp_path: Path) -> None:
+def test_small_houses_have_pitched_roofs_unless_tagged_neighbours_are_flat(tmp_path: Path) -> None:
     def share(tags: dict[str, str]) -> float:
         made = Map()
         for k in range(60):

@@ -61,7 +61,7 @@ def test_both_halves_of_a_map_with_two_stated_parts_are_built(tmp_path: Path) ->
     assert build(path, Options()).summary.counts["buildings"] == 2
 
 
-def test_stated_parts_in_the_words_of_osmosis_and_of_overpass(tmp_path: Path) -> None:
+def test_stated_parts_of_osmosis_are_read_and_bounds_of_ways_are_not(tmp_path: Path) -> None:
     assert reading(tmp_path, '<bound box="31.0,121.0,31.1,121.2" origin="osmosis"/>' + NODES).box == (
         121.0, 31.0, 121.2, 31.1,
     )  # fmt: skip
@@ -77,11 +77,11 @@ def test_an_invalid_stated_part_is_ignored_with_a_note(tmp_path: Path, value: st
     assert "not on Earth" in data.notes[0]
 
 
-# -- which version of an object counts
+# -- versions of an object
 
 
 @pytest.mark.parametrize("mark", ['action="delete"', 'visible="false"'])
-def test_deleted_objects_are_gone(tmp_path: Path, mark: str) -> None:
+def test_deleted_objects_are_left_out(tmp_path: Path, mark: str) -> None:
     lone = f'<node id="5" lat="31.2" lon="121.5" {mark}><tag k="natural" v="tree"/></node>'
     data = reading(tmp_path, NODES + lone + ROAD + HOUSE.replace('id="9"', f'id="9" {mark}'))
     assert [way.id for way in data.ways] == [8]
@@ -111,17 +111,17 @@ def versions(*marks: str) -> str:
         (('version="draft"', 'version=""'), "2"),
     ],
 )
-def test_of_a_history_the_highest_version_counts(tmp_path: Path, history: tuple[str, ...], counts: str | None) -> None:
+def test_the_highest_version_of_a_history_counts(tmp_path: Path, history: tuple[str, ...], counts: str | None) -> None:
     data = reading(tmp_path, NODES + versions(*history))
     assert [way.tags["height"] for way in data.ways] == ([counts] if counts else [])
 
 
-def test_a_house_moves_with_its_nodes_history(tmp_path: Path) -> None:
+def test_a_house_uses_the_latest_version_of_its_nodes(tmp_path: Path) -> None:
     moved = '<node id="1" version="2" lat="31.1" lon="121.4"/>'
     assert reading(tmp_path, moved + NODES.replace("<node", '<node version="1"') + HOUSE).nodes[1] == (31.1, 121.4)
 
 
-def test_a_history_as_pbf_is_read_as_it_is_from_xml(tmp_path: Path) -> None:
+def test_a_history_gives_the_same_map_from_pbf_and_from_xml(tmp_path: Path) -> None:
     plain, binary = tmp_path / "history.osh", tmp_path / "history.osh.pbf"
     history = versions('version="1" visible="true"', 'version="2" visible="true"')
     deleted = f'<way id="10" version="1" visible="true">{RING}</way><way id="10" version="2" visible="false"/>'
@@ -138,7 +138,7 @@ def test_a_history_as_pbf_is_read_as_it_is_from_xml(tmp_path: Path) -> None:
 # -- ids, names of files, packing, metadata
 
 
-def test_negative_ids_become_positive_ones_that_meet_no_other(tmp_path: Path) -> None:
+def test_negative_ids_become_unique_positive_ids(tmp_path: Path) -> None:
     text = NODES + HOUSE + ROAD
     for ref in (1, 2, 9):
         text = text.replace(f'id="{ref}"', f'id="-{ref}"').replace(f'ref="{ref}"', f'ref="-{ref}"')
@@ -211,7 +211,7 @@ def geometry(*refs: int, named: bool = False) -> str:
 
 
 @pytest.mark.parametrize("named", [True, False])
-def test_ways_that_contain_their_own_places(tmp_path: Path, named: bool) -> None:
+def test_ways_may_contain_their_own_places(tmp_path: Path, named: bool) -> None:
     ring = geometry(1, 2, 3, 4, 1, named=named)
     other = geometry(2, 3, named=named)
     data = reading(
@@ -226,7 +226,7 @@ def test_ways_that_contain_their_own_places(tmp_path: Path, named: bool) -> None
     assert set(road.nodes) < set(house.nodes), "two ways that meet share their nodes"
 
 
-def test_a_pbf_whose_ways_bring_their_places(tmp_path: Path) -> None:
+def test_ways_of_a_pbf_may_contain_their_places(tmp_path: Path) -> None:
     plain, binary = town().write(tmp_path / "town.osm"), tmp_path / "ways.osm.pbf"
     with osmium.SimpleWriter(osmium.io.File(str(binary), "pbf,locations_on_ways=true")) as writer:
         for item in osmium.FileProcessor(str(plain)).with_locations():
@@ -236,7 +236,7 @@ def test_a_pbf_whose_ways_bring_their_places(tmp_path: Path) -> None:
     assert read(binary).ways == read(plain).ways
 
 
-def test_relations_that_bring_their_members_lines(tmp_path: Path) -> None:
+def test_relations_may_contain_the_lines_of_their_members(tmp_path: Path) -> None:
     halves = "".join(
         f'<member type="way" ref="{ref}" role="outer">{geometry(*line)}</member>'
         for ref, line in ((21, (1, 2, 3)), (22, (3, 4, 1)))
@@ -249,7 +249,7 @@ def test_relations_that_bring_their_members_lines(tmp_path: Path) -> None:
     assert build(path, Options()).summary.counts["buildings"] == 1
 
 
-def test_a_line_that_is_cut_off_has_a_gap_there(tmp_path: Path) -> None:
+def test_a_line_with_a_missing_place_has_a_gap(tmp_path: Path) -> None:
     data = reading(tmp_path, f'<way id="8">{geometry(1, 2, 0, 3, 4)}<tag k="highway" v="primary"/></way>')
     assert [ref in data.nodes for ref in data.ways[0].nodes] == [True, True, False, True, True]
 
@@ -265,7 +265,7 @@ def test_the_error_for_ways_without_places_names_the_query(tmp_path: Path) -> No
     assert "out geom" in caught.value.hint
 
 
-# -- what is no map, or not whole
+# -- files that are no map, or incomplete
 
 
 @pytest.mark.parametrize(
@@ -276,7 +276,7 @@ def test_the_error_for_ways_without_places_names_the_query(tmp_path: Path) -> No
         "Timeout &amp; abort",
     ],
 )
-def test_an_answer_that_overpass_cut_off_is_an_error(tmp_path: Path, remark: str) -> None:
+def test_an_incomplete_answer_of_overpass_is_an_error(tmp_path: Path, remark: str) -> None:
     with pytest.raises(UsageError, match="is incomplete: Overpass stopped before its end: ") as caught:
         reading(tmp_path, f"{NODES}<remark> {remark} </remark>")
     assert "download again" in caught.value.hint
@@ -287,7 +287,7 @@ def test_another_remark_is_a_note(tmp_path: Path) -> None:
     assert data.notes == ("the map's server remarks: served from a copy",)
 
 
-def test_a_budget_that_overpass_repeats_is_no_cut(tmp_path: Path) -> None:
+def test_a_remark_of_overpass_on_its_budget_is_no_error(tmp_path: Path) -> None:
     budget = "runtime remark: Timeout is 180 and maxsize is 536870912."
     assert reading(tmp_path, f"{NODES}<remark> {budget} </remark>").notes == ()
     with pytest.raises(UsageError, match="stopped before its end: runtime error: Query timed out"):

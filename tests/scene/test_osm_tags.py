@@ -44,7 +44,7 @@ def test_storeys_are_read_in_every_spelling(text: str, count: float) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "yes", "ground", "-1", "201", "9" * 400, "1;x" * 700_000])
-def test_other_texts_count_no_storeys(text: str) -> None:
+def test_other_texts_are_no_number_of_storeys(text: str) -> None:
     assert storeys({"building:levels": text}, "building:levels") is None
 
 
@@ -57,5 +57,5 @@ def test_other_texts_count_no_storeys(text: str) -> None:
         ("", None), ("many", None), ("0", None), ("-5", None), ("999999999999", None), ("12.5", None),
     ],
 )  # fmt: skip
-def test_inhabitants_are_read_or_not_known(text: str, count: float | None) -> None:
+def test_populations_are_read_in_every_spelling_or_unknown(text: str, count: float | None) -> None:
     assert people({"population": text}) == (None if count is None else pytest.approx(count))

@@ -124,7 +124,7 @@ def test_the_file_gives_size_surface_and_colours(folder: Path) -> None:
         assert across == pytest.approx(np.ones(len(across)), abs=1e-3)
 
 
-def test_a_declared_colour_paints_a_model_and_a_factor_colours_it(folder: Path) -> None:
+def test_a_declared_colour_or_a_colour_factor_of_the_file_colours_a_model(folder: Path) -> None:
     (folder / "statue.glb").write_bytes(glb(textured=False))
     _, (red,) = parts_of(folder)
     assert red.levels[0][0, 6] > red.levels[0][0, 7]
@@ -133,7 +133,7 @@ def test_a_declared_colour_paints_a_model_and_a_factor_colours_it(folder: Path) 
     assert green.levels[0][:, 6:9] == pytest.approx(np.tile([0.0, 1.0, 0.0], (2400, 1)), abs=0.01)
 
 
-def test_another_file_in_its_place_is_noticed(folder: Path) -> None:
+def test_a_replaced_model_file_is_an_error(folder: Path) -> None:
     (folder / "statue.glb").write_bytes(glb())
     first, _ = placed(folder / "own.ljs")
     (folder / "statue.glb").write_bytes(glb(count=12))
@@ -204,7 +204,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("message", BAD)
-def test_a_file_that_cannot_be_used_is_one_clear_message(folder: Path, message: str) -> None:
+def test_a_file_that_cannot_be_used_gives_one_clear_message(folder: Path, message: str) -> None:
     make = BAD[message]
     if make is not None:
         (folder / "statue.glb").write_bytes(make())

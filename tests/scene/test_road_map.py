@@ -57,7 +57,7 @@ def test_a_file_that_is_no_network_is_refused(tmp_path):
         read_road_map(str(tmp_path / "x.net.xml"))
 
 
-def test_the_way_to_a_place_far_from_every_road_is_the_shortest_too() -> None:
+def test_the_way_to_a_place_far_from_every_road_is_the_shortest() -> None:
     """The remaining distance is measured to the nearest point of the road network, not to the place itself."""
 
     def segment(name: str, start: Vector2, end: Vector2, length_m: float, *following: str) -> RoadSegment:

@@ -40,7 +40,7 @@ CITY = City(
 )
 
 
-def test_nothing_is_higher_than_the_bound_and_most_places_are_known_to_be_free() -> None:
+def test_no_solid_is_higher_than_the_bound_and_most_places_are_known_to_be_free() -> None:
     terrain, chance = Terrain(CITY), random.Random(1)
     x, y = (np.array([chance.uniform(-560, 560) for _ in range(4000)]) for _ in range(2))
     bounds = Roofs(terrain).bound(x, y)
@@ -52,7 +52,7 @@ def test_nothing_is_higher_than_the_bound_and_most_places_are_known_to_be_free()
     assert 100 < covered <= np.isfinite(bounds).sum() < 3 * covered
 
 
-def test_bounds_hold_on_the_very_edges_of_blocks_and_squares() -> None:
+def test_bounds_hold_exactly_on_the_edges_of_blocks_and_squares() -> None:
     edges = [250.0 * k for k in range(-2, 3)] + [5.0 * k for k in range(-4, 5)]
     slabs = tuple(
         Building(

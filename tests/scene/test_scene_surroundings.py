@@ -23,7 +23,7 @@ def area(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.cross(b - a, c - a) / 2.0
 
 
-def test_a_building_is_a_roof_with_its_yard_left_out_and_walls_all_around() -> None:
+def test_the_mesh_of_a_building_has_a_roof_without_the_yard_and_closed_walls() -> None:
     house = PlanShape("building", OUTLINE, (YARD,), top_m=12.0, base_m=2.0)
     roof, walls = city_meshes([house])
     up = area(roof.points, roof.triangles)
@@ -50,12 +50,12 @@ def test_a_road_keeps_its_width_around_a_bend_and_on_a_ramp() -> None:
 
 
 @pytest.mark.parametrize("points", [((0.0, 0.0), (0.0, 0.0)), ((0.0, 0.0), (5.0, 0.0), (0.0, 0.0)), ((1.0, 1.0),)])
-def test_a_line_that_goes_nowhere_or_back_makes_no_spike(points: tuple[tuple[float, float], ...]) -> None:
+def test_a_line_without_a_length_or_with_a_turn_back_gives_no_spike(points: tuple[tuple[float, float], ...]) -> None:
     for mesh in city_meshes([PlanShape("road", points, width_m=4.0, heights_m=(0.0,) * len(points))]):
         assert np.isfinite(mesh.points).all() and np.abs(mesh.points).max() <= 5.0 + 2 * math.sqrt(8.0)
 
 
-def test_a_large_city_loses_its_trees_first() -> None:
+def test_trees_are_left_out_first_if_a_city_exceeds_the_limit() -> None:
     trees = tuple(Prop(id=f"t{n}", cls="tree", model="tree", position=(float(n), 0.0, 0.0)) for n in range(50))
     house = Building(id="b", polygon=OUTLINE, base_m=0.0, top_m=9.0)
     city = City(id="c", origin=(0.0, 0.0), bounds=(-100.0, -100.0, 100.0, 100.0), buildings=(house,), props=trees)

@@ -45,7 +45,7 @@ def test_parts_are_convex_and_cover_the_polygon(outline, holes, most, wanted):
         assert min(turns) > -1e-9
 
 
-def test_rectangles_become_boxes_however_they_stand():
+def test_rectangles_become_boxes_at_any_angle():
     turned = tuple((x * 0.6 - y * 0.8, x * 0.8 + y * 0.6) for x, y in ((0, 0), (4, 0), (4, 2), (0, 2)))
     (box,) = solid_shapes(Solid(id="hut", polygon=turned, base_m=1.0, top_m=4.0))
     assert isinstance(box, OrientedBox)
@@ -87,7 +87,7 @@ def city(**pieces) -> City:
     return City(id="c", origin=(31.0, 121.5), bounds=(-1e3, -1e3, 1e3, 1e3), **pieces)
 
 
-def test_surroundings_hold_near_shapes_once_and_load_more_in_time():
+def test_surroundings_hold_each_near_shape_once_and_request_more_near_the_edge():
     posts = tuple(
         Solid(id=f"p{k}", polygon=((x, 0.0), (x + 40.0, 0.0), (x + 40.0, 1.0), (x, 1.0)), base_m=0.0, top_m=1.0)
         for k, x in enumerate(range(-500, 500, 50))
@@ -106,7 +106,7 @@ def test_surroundings_hold_near_shapes_once_and_load_more_in_time():
     )
 
 
-def test_raised_land_is_cut_to_what_is_near_and_tall_things_too():
+def test_raised_land_and_tall_solids_are_cut_to_the_neighbourhood():
     tower = Solid(id="tower", polygon=ELL, base_m=-50.0, top_m=600.0)
     big = Land(polygon=((-5e3, -5e3), (5e3, -5e3), (5e3, 5e3), (-5e3, 5e3)), top_m=2.0)
     flat = Land(polygon=((-5e3, -5e3), (5e3, -5e3), (5e3, 5e3), (-5e3, 5e3)), top_m=0.0)

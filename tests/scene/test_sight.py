@@ -56,7 +56,7 @@ def is_over(outline: Sequence[tuple[float, ...]], x: float, y: float) -> bool:
 @given(POINTS, POINTS)
 @example((20.0, 20.0, 1.0), (25.0, 25.0, 1.0))
 @example((-10.0, 20.0, 5.0), (60.0, 20.0, 5.0))
-def test_a_line_is_free_where_no_sample_of_it_is_inside(first: Point, second: Point) -> None:
+def test_a_line_is_free_if_no_sample_on_it_lies_inside_a_solid(first: Point, second: Point) -> None:
     samples = (tuple(a + k / 400 * (b - a) for a, b in zip(first, second, strict=True)) for k in range(401))
     deepest = max(depth_m((x, y, z)) for x, y, z in samples)
     free = SIGHT.is_free(first, second)
@@ -80,10 +80,10 @@ def test_a_line_is_free_where_no_sample_of_it_is_inside(first: Point, second: Po
         ((0.0, -40.0, -2.0), (0.0, -100.0, 12.0), True),
     ],
 )
-def test_obstacles(first: Point, second: Point, free: bool) -> None:
+def test_solids_block_lines_of_sight(first: Point, second: Point, free: bool) -> None:
     assert SIGHT.is_free(first, second) is free
     assert SIGHT.is_free(second, first) is free
 
 
-def test_without_a_city_nothing_is_known() -> None:
+def test_sight_is_unknown_without_a_city() -> None:
     assert SightLines(lambda: None).is_free((0.0, 0.0, 1.0), (1.0, 0.0, 1.0)) is None

@@ -1,4 +1,4 @@
-"""Siting: the places of the shipped missions in a city from a map, and what is missing where they do not fit."""
+"""Siting: the places of the shipped missions in a city from a map, and the missing features if they do not fit."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def mission(name: str) -> Mission:
     return with_city_option(compiled(name), "city")
 
 
-def found(name: str, city: City) -> Mission:
+def sited_in(name: str, city: City) -> Mission:
     return sited(mission(name), city, {"folder": ex.Text(value="city")})
 
 
@@ -85,9 +85,9 @@ _instances: dict[tuple[str, int], list[Instance]] = {}
 
 
 def instances(name: str, city: City, tier: int = 0) -> list[Instance]:
-    """Placed instances of other seeds than siting tries, found once for all tests."""
+    """Placed instances of other seeds than siting tries, computed once for all tests."""
     if (name, tier) not in _instances:
-        sites = found(name, city)
+        sites = sited_in(name, city)
         for number in (0, 1):
             drawn = [instantiate(sites, seed=seed, tier=number) for seed in range(20, 24)]
             _instances[name, number] = [anchor(instance, city) for instance in drawn]
@@ -106,12 +106,12 @@ def test_every_mission_fits_into_a_town_that_has_all_it_needs(grid_city: City, n
                 assert west <= x <= east and south <= y <= north
 
 
-def test_the_places_are_a_function_of_mission_and_city(grid_city: City) -> None:
-    again = anchor(instantiate(found("cr", grid_city), seed=20), grid_city)
+def test_siting_is_deterministic(grid_city: City) -> None:
+    again = anchor(instantiate(sited_in("cr", grid_city), seed=20), grid_city)
     assert again == instances("cr", grid_city)[0]
 
 
-def test_vehicles_stand_on_roads_that_lead_everywhere_and_back(grid_city: City) -> None:
+def test_vehicles_are_placed_on_roads_of_the_connected_network(grid_city: City) -> None:
     roads = read_road_map(grid_city.network)
     for name in ("ufr", "cd", "cr", "ld"):
         for entity in instances(name, grid_city)[0].entities:
@@ -137,11 +137,11 @@ def test_every_pair_of_jams_leaves_a_way_to_the_goal(grid_city: City) -> None:
 
 
 @pytest.mark.parametrize(("jams", "met"), [(0, {0}), (1, {1}), (2, {2}), (3, {2, 3})])
-def test_at_tier_1_the_first_route_has_a_jam_and_the_way_around_it_another_as_success_asks(
+def test_at_tier_1_routes_have_the_number_of_jams_that_success_requires(
     grid_city: City, jams: int, met: set[int]
 ) -> None:
-    """Success asks for the names of two jams, so a jam that stands on no route could not be met."""
-    sites = found("cr", grid_city)
+    """Success requires reports of two jams. A jam on no route could not be reported."""
+    sites = sited_in("cr", grid_city)
     places = set()
     for seed in range(8):
         instance = anchor(instantiate(sites, seed=seed, tier=1, settings={"jams": jams}), grid_city)
@@ -179,35 +179,37 @@ def test_dogs_begin_on_free_ground_near_their_targets(grid_city: City) -> None:
             assert min(dist(dog.position[:2], goal.position[:2]) for dog in dogs) < 420.0
 
 
-def test_a_dog_stands_clear_of_the_vehicle_that_parks_at_its_stop(grid_city: City) -> None:
+def test_a_dog_begins_clear_of_the_vehicle_that_parks_at_the_stop(grid_city: City) -> None:
     """A vehicle parks beside its lane: it would push a dog that stands there, and block its way."""
     for instance in instances("ld", grid_city):
         at = {entity.id: entity.position[:2] for entity in instance.entities}
         assert 6.0 <= dist(at["dog"], at["stop_node"]) <= 40.0
 
 
-def test_a_district_of_slow_streets_is_chosen_where_no_other_one_fits(
+def test_a_district_of_slow_streets_is_chosen_if_no_other_district_fits(
     grid_city: City, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("lingjing.scene.siting.areas.MOST_DRIVE_S", 0.0)
-    assert anchor(instantiate(found("cd", grid_city), seed=20), grid_city).scene.kind == "map"
+    assert anchor(instantiate(sited_in("cd", grid_city), seed=20), grid_city).scene.kind == "map"
     monkeypatch.setattr("lingjing.scene.siting.areas.LONGEST_DRIVE_S", 0.0)
     with pytest.raises(MissionError, match=r"connected roads, reached within 0 s on average"):
-        found("cd", grid_city)
+        sited_in("cd", grid_city)
 
 
-def test_in_a_small_district_as_many_drawn_places_find_room(grid_city: City, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_small_district_has_room_for_the_declared_number_of_drawn_places(
+    grid_city: City, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Twenty customers 90 m apart, as declared, do not fit into a third of the declared size."""
     monkeypatch.setattr("lingjing.scene.siting.areas.SCALES", (0.35,))
     monkeypatch.setattr("lingjing.scene.siting.areas.LONGEST_DRIVE_S", 1000.0)
-    small = found("cd", grid_city)
+    small = sited_in("cd", grid_city)
     for seed in range(20):
         drawn = [each.position for each in instantiate(small, seed=seed).entities if each.id.startswith("point[")]
         assert len(drawn) == 20
         assert min(dist(a[:2], b[:2]) for a, b in itertools.combinations(drawn, 2)) >= 0.35 * 90.0 - 0.01
 
 
-def test_the_ways_around_jams_of_the_road_engine_have_no_waypoint_in_a_jam(grid_city: City) -> None:
+def test_detours_of_the_road_engine_have_no_waypoint_in_a_jam(grid_city: City) -> None:
     """The engine avoids the streets at a jam; a waypoint within the jam's radius on the next street is never clear."""
     for instance in instances("ld", grid_city):
         with planned_in(grid_city, instance, instance.seed, whole=True) as plan:
@@ -222,7 +224,7 @@ def test_no_district_with_roofs_above_the_altitude_band_is_chosen(town_of_towers
     roofs = [building.top_m for building in CityView(town_of_towers).buildings if building.roof_m == 0.0]
     assert max(roofs) > 160.0 > min(roofs)
     for seed in range(20, 26):
-        instance = anchor(instantiate(found("ufr", town_of_towers), seed=seed), town_of_towers)
+        instance = anchor(instantiate(sited_in("ufr", town_of_towers), seed=seed), town_of_towers)
         fires = [entity for entity in instance.entities if entity.group == "fire"]
         assert fires and all(fire.position[2] < 150.0 for fire in fires)
 
@@ -230,7 +232,7 @@ def test_no_district_with_roofs_above_the_altitude_band_is_chosen(town_of_towers
 def test_a_city_of_towers_alone_is_refused_for_flights_over_roofs(tmp_path: Path) -> None:
     city = build(grid_town("180").write(tmp_path / "towers.osm"), Options(), tmp_path / "city").city
     with pytest.raises(MissionError, match="no flat roof above 150 m"):
-        found("ufr", city)
+        sited_in("ufr", city)
 
 
 def test_the_fracture_is_over_water_and_the_inspection_begins_on_land(grid_city: City) -> None:
@@ -259,18 +261,20 @@ def small_city(tmp_path_factory: pytest.TempPathFactory) -> City:
 
 
 @pytest.mark.parametrize("name", FITTING)
-def test_a_city_that_lacks_something_is_refused_with_what_is_missing(small_city: City, name: str) -> None:
+def test_a_city_without_a_required_feature_is_refused_with_the_missing_feature(small_city: City, name: str) -> None:
     with pytest.raises(MissionError, match=NEEDS[name]) as raised:
-        found(name, small_city)
+        sited_in(name, small_city)
     assert f"`{name}` does not fit into `map-small`" in str(raised.value) and "\n" not in str(raised.value)
 
 
-def test_open_water_cannot_be_played_in_a_town() -> None:
+def test_a_mission_on_open_water_cannot_be_sited_in_a_city() -> None:
     with pytest.raises(UsageError, match="the scene `bay` of `ssr` cannot be played in a city"):
         with_city_option(compiled("ssr"), "x.osm")
 
 
-def test_one_line_of_a_mission_names_the_city(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_city_named_by_the_mission_gives_the_same_places_as_the_option(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from lingjing.play.siting import sited_mission
     from lingjing.plugins.host import PluginHost
 
@@ -286,7 +290,7 @@ def test_one_line_of_a_mission_names_the_city(tmp_path: Path, monkeypatch: pytes
     assert sited_mission(compiled("ufr"), "", host) is not None
 
 
-def test_the_largest_part_of_a_network_that_leads_everywhere_is_found(tmp_path: Path) -> None:
+def test_the_largest_connected_part_of_a_network_is_found(tmp_path: Path) -> None:
     city = build(town().write(tmp_path / "town.osm"), Options(), tmp_path / "city").city
     roads = read_road_map(city.network)
     connected = roads.connected

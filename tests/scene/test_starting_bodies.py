@@ -136,7 +136,7 @@ BRIDGE = (
         ("lifeboat", (100, -180), "stays"),
     ],
 )
-def test_nothing_begins_inside_a_bridge(kind, place, to):
+def test_no_body_begins_inside_a_bridge(kind, place, to):
     """The bugs: a drone hovered inside the deck, and a boat began with its hull in a pier."""
     declared, placed, city = begun(f"a : {kind} {{ position = ({', '.join(f'{m} m' for m in place)}) }}", scene=BRIDGE)
     before, after = declared.entities[0].position, placed.entities[0].position
@@ -148,19 +148,19 @@ def test_nothing_begins_inside_a_bridge(kind, place, to):
     assert room.low == pytest.approx(12.0, abs=1e-3) if to == "deck" else after[2] == before[2]
 
 
-def test_a_boat_on_land_is_refused_at_the_place_that_was_declared():
-    """The bug: it was moved out of the way of what stands there first, and the error named another place."""
+def test_the_error_of_a_boat_on_land_names_the_declared_place():
+    """The bug: the boat was first moved away from an obstacle, and the error named another place."""
     with pytest.raises(MissionError, match=r"`a` begins at \(100 m, -210 m\), which is on land"):
         begun("a : lifeboat { position = (100 m, -210 m) }", scene=BRIDGE)
 
 
-def test_bodies_that_pass_over_each_other_are_left_where_they_are():
+def test_bodies_above_each_other_keep_their_places():
     declared, placed, _ = begun(drawn("a", "quadrotor", z=30), drawn("b", "quadrotor", z=31))
     assert [entity.position for entity in placed.entities] == [entity.position for entity in declared.entities]
 
 
 @pytest.mark.parametrize("apart", ["0 m", "0.5 m"])
-def test_a_text_that_shows_two_bodies_in_one_place_is_an_error(apart):
+def test_a_mission_that_declares_two_bodies_at_one_place_is_an_error(apart):
     assets = ("a : quadrotor { position = (0 m, 0 m, 30 m) }", f"b : quadrotor {{ position = (0 m, {apart}, 30.2 m) }}")
     diagnostics = compile_source(SourceText(text(*assets), "starts.ljs")).diagnostics
     assert [diagnostic.code for diagnostic in diagnostics] == ["LJ0212"]
@@ -214,7 +214,7 @@ class Idle:
         return Decision()
 
 
-def test_a_move_stands_in_the_report_and_in_the_trace(tmp_path):
+def test_a_moved_body_is_in_the_report_and_in_the_trace(tmp_path):
     file = tmp_path / "starts.ljs"
     file.write_text(text(drawn("a", "quadrotor", z=30), drawn("b", "quadrotor", z=30)))
     report = lingjing.run(file, policy=Idle, world="inline", overview=False, out=tmp_path / "out")
@@ -224,7 +224,7 @@ def test_a_move_stands_in_the_report_and_in_the_trace(tmp_path):
     assert any("moved from their declared places" in line and "`b` 2.0 m" in line for line in report.warnings)
 
 
-def test_a_move_stands_in_the_summary_of_a_run(tmp_path):
+def test_a_moved_body_is_in_the_summary_of_a_run(tmp_path):
     file = tmp_path / "starts.ljs"
     file.write_text(
         text(drawn("a", "quadrotor", z=30), drawn("b", "quadrotor", z=30), drawn("c", "quadrotor", 9, 9, 0.9))
@@ -238,7 +238,7 @@ def test_a_move_stands_in_the_summary_of_a_run(tmp_path):
     assert "put down onto the surface below, because they begin close above it: `c` 0.7 m" in warnings
 
 
-def test_bodies_of_a_document_at_one_place_are_parted_and_noted(tmp_path):
+def test_bodies_of_a_document_at_one_place_are_separated_and_noted(tmp_path):
     """Bodies of an imported document that share a place are moved apart; the document is not rejected."""
     document = json.loads(mission_file("reset/ssr-001.json").read_text(encoding="utf-8"))
     drones = document["scenario"]["equipmentList"]["droneEntityList"]

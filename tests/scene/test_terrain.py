@@ -36,7 +36,7 @@ def terrain(request, city, tmp_path):
     return Terrain(city if request.param == "memory" else write_store(tmp_path / "store", city, city))
 
 
-def test_a_body_touches_walls_and_not_the_air_around_them(terrain):
+def test_solids_at_a_place_are_the_walls_that_a_body_touches(terrain):
     assert [block.id for block in terrain.solids_at(30.0, 10.0, 10.0, 11.0)] == ["b/1"]
     assert terrain.solids_at(30.0, 10.0, 31.0, 32.0) == ()
     assert terrain.solids_at(61.0, 10.0, 10.0, 11.0) == ()
@@ -45,7 +45,7 @@ def test_a_body_touches_walls_and_not_the_air_around_them(terrain):
     assert terrain.solids_at(30.0, 30.0, 10.0, 11.0) == ()  # the courtyard is open
 
 
-def test_roofs_slopes_and_decks_carry(terrain):
+def test_roofs_slopes_and_decks_support_bodies(terrain):
     assert terrain.support(10.0, 10.0, 100.0) == 30.0
     assert terrain.support(10.0, 10.0, 5.0) == 0.0
     assert terrain.support(30.0, 30.0, 100.0) == 0.0
@@ -66,7 +66,7 @@ def test_water_has_islands_and_passes_under_decks_between_piers(terrain):
     assert z == 8.0
 
 
-def test_piers_stand_in_the_middles_of_equal_fields():
+def test_piers_stand_at_the_middles_of_equal_spans():
     assert [(x, round(y, 1)) for x, y, _ in pier_places(_span())] == [
         (0.0, y) for y in (166.7, 200.0, 233.3, 266.7, 300.0, 333.3)
     ]
@@ -81,7 +81,7 @@ def _span():
     return Bridge(id="span", path=((0, 150, 8.0), (0, 350, 8.0)), width_m=10.0)
 
 
-def test_above_the_ceiling_there_is_nothing(terrain):
+def test_the_ceiling_is_at_least_the_height_of_the_tallest_solid(terrain):
     assert terrain.ceiling_m(10.0, 10.0) >= 30.0
     assert terrain.ceiling_m(-400.0, -400.0) == 0.0
 
@@ -117,7 +117,7 @@ def compared(terrain, monkeypatch):
     return looked
 
 
-def test_a_lookup_does_not_grow_with_the_city(monkeypatch):
+def test_the_cost_of_a_lookup_does_not_grow_with_the_city(monkeypatch):
     small, large = Terrain(town(6)), Terrain(town(80))  # 36 and 6,400 houses
     assert 0 < compared(small, monkeypatch) == compared(large, monkeypatch) < 1000 * 9
 

@@ -49,7 +49,7 @@ def test_inline_and_stored_cities_have_the_same_tiles(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("radius", [0.0, 30.0, 260.0, 5000.0])
-def test_near_misses_no_piece_and_reads_little_else(tmp_path: Path, radius: float) -> None:
+def test_near_returns_every_piece_within_the_radius_and_few_others(tmp_path: Path, radius: float) -> None:
     for city in both(tmp_path):
         tiles = Tiles(city)
         near = tiles.near(130.0, -20.0, radius)
@@ -84,7 +84,7 @@ def test_buildings_within_a_rectangle_are_those_that_reach_into_it(tmp_path: Pat
         assert buildings_within(city, (46.0, 46.0, 124.0, 124.0)) == ()
 
 
-def test_few_tiles_are_held(tmp_path: Path) -> None:
+def test_only_a_limited_number_of_tiles_is_kept_in_memory(tmp_path: Path) -> None:
     city = both(tmp_path)[1]
     tiles = Tiles(city, keep=3)
     assert len(tiles.near(0.0, 0.0, 5000.0)) == 64
@@ -145,7 +145,7 @@ def test_a_store_has_the_same_hash_in_every_place(tmp_path: Path) -> None:
     assert changed.sha256 != first.sha256
 
 
-def test_an_older_city_is_replaced_and_nothing_else_is(tmp_path: Path) -> None:
+def test_an_older_city_is_replaced_and_other_files_are_kept(tmp_path: Path) -> None:
     folder = tmp_path / "city"
     write_store(folder, FRAME, pieces())
     smaller = write_store(folder, FRAME, Pieces(buildings=pieces().buildings[:1]))
@@ -160,7 +160,7 @@ def test_an_older_city_is_replaced_and_nothing_else_is(tmp_path: Path) -> None:
     assert (tmp_path / "mine" / "notes.txt").read_text() == "keep me"
 
 
-def test_a_failure_leaves_nothing_and_remainders_of_dead_writers_are_removed(tmp_path: Path) -> None:
+def test_a_failed_write_leaves_no_files_and_removes_remainders_of_dead_writers(tmp_path: Path) -> None:
     (tmp_path / ".city.999999999.part").mkdir()
     with pytest.raises(UsageError, match="cannot write"):
         write_store(tmp_path / "city", msgspec.structs.replace(FRAME, network=str(tmp_path / "gone.xml")), pieces())
@@ -192,7 +192,7 @@ def test_folders_without_a_city_give_an_error(tmp_path: Path) -> None:
         read_store(tmp_path / "city")
 
 
-def test_all_users_of_a_city_divide_and_read_it_once(tmp_path: Path) -> None:
+def test_all_users_of_a_city_share_its_tiles(tmp_path: Path) -> None:
     inline, stored = both(tmp_path)
     for city in (inline, stored):
         first, second = Tiles(city), Tiles(city)
@@ -200,7 +200,7 @@ def test_all_users_of_a_city_divide_and_read_it_once(tmp_path: Path) -> None:
     assert Tiles(stored, keep=2)._source._read.cache_info().currsize == 0  # type: ignore[attr-defined]
 
 
-def test_cities_share_nothing_with_equal_or_deleted_ones(tmp_path: Path) -> None:
+def test_a_city_has_no_tiles_of_an_earlier_city(tmp_path: Path) -> None:
     for number in range(20):  # ids of deleted cities are reused
         house = Building(id=f"house-{number}", polygon=block(10, 10), base_m=0.0, top_m=9.0)
         city = msgspec.structs.replace(FRAME, buildings=(house,))
@@ -209,7 +209,7 @@ def test_cities_share_nothing_with_equal_or_deleted_ones(tmp_path: Path) -> None
         assert Tiles(stored).load((0, 0)).buildings == (house,)
 
 
-def test_an_unused_city_leaves_the_cache(tmp_path: Path) -> None:
+def test_an_unused_city_is_removed_from_the_cache(tmp_path: Path) -> None:
     gc.collect()
     before = len(module._memories), len(module._folders)
     users = [Tiles(city) for city in both(tmp_path) for _ in range(5)]
