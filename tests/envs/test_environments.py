@@ -41,11 +41,11 @@ def env(short: str) -> Iterator[LingjingParallelEnv]:
     made.close()
 
 
-def test_the_parallel_api(env: LingjingParallelEnv) -> None:
+def test_the_environment_passes_the_parallel_api_test(env: LingjingParallelEnv) -> None:
     parallel_api_test(env, num_cycles=10)
 
 
-def test_seeds_repeat(short: str) -> None:
+def test_equal_seeds_give_equal_episodes(short: str) -> None:
     made: list[LingjingParallelEnv] = []
 
     def make() -> LingjingParallelEnv:
@@ -75,7 +75,7 @@ def test_observations_and_actions_lie_in_the_spaces(env: LingjingParallelEnv) ->
         env.step({})
 
 
-def test_a_command_and_a_message_arrive(env: LingjingParallelEnv) -> None:
+def test_a_command_is_accepted_and_makes_the_body_busy(env: LingjingParallelEnv) -> None:
     env.reset(seed=3)
     space = env.action_space("skipper")
     action = {**space.sample(), "command": 1, "message": 0, "arguments": np.array([0.1, -1.0], np.float32)}
@@ -106,7 +106,7 @@ def test_every_shipped_mission_is_registered_in_its_modes() -> None:
             assert f"lingjing/{file.stem}-{mode}-v0" in names
 
 
-def test_every_agent_of_every_mission_has_spaces_that_hold_something() -> None:
+def test_every_agent_of_every_mission_has_spaces_without_empty_parts() -> None:
     """Gymnasium's check rejects an empty part; samples of the spaces lie in them."""
     for column in columns(shipped_missions()):
         made = parallel_env(column.mission, mode=column.mode, world="inline")
@@ -136,7 +136,7 @@ def test_an_invalid_action_is_a_usage_error(wrong: object, env: LingjingParallel
         env.step({"nobody": fine})
 
 
-def test_a_copy_is_an_environment_made_alike(env: LingjingParallelEnv) -> None:
+def test_a_copied_environment_gives_the_same_observations(env: LingjingParallelEnv) -> None:
     copied = pickle.loads(pickle.dumps(env))
     try:
         assert copied.possible_agents == env.possible_agents
@@ -198,7 +198,7 @@ def test_an_unknown_agent_is_named() -> None:
         gymnasium.make("lingjing/ssr-broadcast-v0", agent="captain")
 
 
-def test_a_vector_runs_in_processes(short: str) -> None:
+def test_a_vector_of_environments_runs_in_processes(short: str) -> None:
     made = gymnasium.vector.AsyncVectorEnv(
         [lambda: gymnasium.make("lingjing/ssr-broadcast-v0", mission=short, agent="skipper", others="random",
                                 picture_width=0, world="process")] * 2
@@ -214,7 +214,7 @@ def test_a_vector_runs_in_processes(short: str) -> None:
 
 
 def test_the_load_of_a_vehicle_is_observed() -> None:
-    """States have the declared name (`load`), whatever the name in the graph is (`load_kg`)."""
+    """States have the declared name (`load`), although the name in the graph differs (`load_kg`)."""
     env = parallel_env("cd", mode="star", settings={"points": 5.0}, picture_width=0)
     try:
         seen, _ = env.reset(seed=1)

@@ -12,7 +12,7 @@ from lingjing.envs import parallel_env
 PAGE = (Path(__file__).parents[2] / "docs" / "envs.md").read_text(encoding="utf-8")
 
 
-def test_an_id_with_its_module_needs_no_import_of_ours() -> None:
+def test_an_id_with_its_module_needs_no_import_of_lingjing() -> None:
     code = (
         "import sys, gymnasium\n"
         "assert not any(name.split('.')[0] == 'lingjing' for name in sys.modules)\n"

@@ -45,13 +45,13 @@ def played(env: FlatParallelEnv, seed: int) -> Iterator[tuple[dict, dict, dict, 
         yield observations, rewards, ended, late
 
 
-def test_the_parallel_api(env: FlatParallelEnv) -> None:
+def test_the_environment_passes_the_parallel_api_test(env: FlatParallelEnv) -> None:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*render.*")
         parallel_api_test(env, num_cycles=10)
 
 
-def test_seeds_repeat(short: str) -> None:
+def test_equal_seeds_give_equal_episodes(short: str) -> None:
     made: list[FlatParallelEnv] = []
 
     def make() -> FlatParallelEnv:
@@ -76,7 +76,7 @@ def test_gymnasiums_checker_accepts_an_id(short: str) -> None:
         made.close()
 
 
-def test_the_entries_name_each_number(env: FlatParallelEnv) -> None:
+def test_entries_name_each_number_of_an_observation(env: FlatParallelEnv) -> None:
     observations, _ = env.reset(seed=3)
     for name in env.possible_agents:
         entries = env.entries(name)
@@ -108,7 +108,7 @@ def test_the_shaping_is_a_telescoping_sum(env: FlatParallelEnv) -> None:
         plain.close()
 
 
-def test_cycles_and_ends(short: str) -> None:
+def test_an_episode_is_truncated_after_max_cycles(short: str) -> None:
     made = flat_parallel_env(short, mode="broadcast", world="inline", max_cycles=2)
     try:
         made.reset(seed=1)
@@ -121,7 +121,7 @@ def test_cycles_and_ends(short: str) -> None:
         made.close()
 
 
-def test_a_busy_body_masks_its_commands(env: FlatParallelEnv) -> None:
+def test_commands_of_a_busy_body_are_masked(env: FlatParallelEnv) -> None:
     env.reset(seed=3)
     space = env.action_space("skipper")
     commands = int(space.nvec[0])
@@ -136,7 +136,7 @@ def test_a_busy_body_masks_its_commands(env: FlatParallelEnv) -> None:
     assert mask[commands:].all()
 
 
-def test_state_map_and_copies(env: FlatParallelEnv) -> None:
+def test_the_environment_has_a_state_and_a_rendered_map_and_can_be_copied(env: FlatParallelEnv) -> None:
     env.reset(seed=3)
     assert env.state() in env.state_space
     picture = env.render()
@@ -150,7 +150,7 @@ def test_state_map_and_copies(env: FlatParallelEnv) -> None:
         copied.close()
 
 
-def test_outlines_are_near_the_drawn_boxes() -> None:
+def test_boxes_without_drawing_are_near_the_drawn_boxes() -> None:
     """The front camera sees the damage of the bridge, drawn or not, at the same place."""
     boxes = {}
     for drawn in (False, True):
@@ -205,7 +205,7 @@ def choose(env: FlatEnv, name: str) -> int:
     return env.choices.index(name)
 
 
-def test_a_list_of_decisions_wins_the_bridge() -> None:
+def test_discrete_decisions_win_the_bridge_inspection() -> None:
     """Take off, fly east, go to what the camera shows and report it: four of the listed decisions win the mission."""
     env = FlatEnv("bi", world="inline", actions="discrete", shaping=0.0)
     try:
@@ -231,12 +231,12 @@ def test_a_list_of_decisions_wins_the_bridge() -> None:
         env.close()
 
 
-def test_infos_are_numbers_alone(env: FlatParallelEnv) -> None:
+def test_infos_contain_only_numbers(env: FlatParallelEnv) -> None:
     _, infos = env.reset(seed=1)
     assert {np.asarray(value).dtype.kind for info in infos.values() for value in info.values()} <= set("biuf")
 
 
-def test_a_choice_that_is_impossible_does_nothing() -> None:
+def test_an_impossible_choice_has_no_effect() -> None:
     env = FlatEnv("bi", world="inline", actions="discrete")
     try:
         _, info = env.reset(seed=3)
@@ -254,7 +254,7 @@ def test_a_choice_that_is_impossible_does_nothing() -> None:
         env.close()
 
 
-def test_a_box_is_cut_into_intervals_and_has_no_masks() -> None:
+def test_a_box_action_is_divided_into_intervals_and_has_no_mask() -> None:
     env = FlatEnv("bi", world="inline", actions="box")
     try:
         _, info = env.reset(seed=3)
@@ -273,7 +273,7 @@ def test_a_box_is_cut_into_intervals_and_has_no_masks() -> None:
         env.close()
 
 
-def test_full_motion_is_that_of_lingjing_run(short: str) -> None:
+def test_full_motion_gives_the_episode_of_the_other_environments(short: str) -> None:
     """Drawn and with full motion, the flat environment plays the episode that the other environments play."""
     digests = []
     for options in ({"drawn": True, "motion": "full"}, {"drawn": True, "motion": "coarse"}):
@@ -289,7 +289,7 @@ def test_full_motion_is_that_of_lingjing_run(short: str) -> None:
     assert infos["skipper"]["digest"] == digests[0] != digests[1]
 
 
-def test_forked_worlds_are_those_of_their_seeds(short: str) -> None:
+def test_forked_worlds_give_the_episodes_of_their_seeds(short: str) -> None:
     options = {"mode": "broadcast", "agent": "skipper", "others": "random", "max_cycles": 3}
     worlds = gymnasium.make_vec(
         "lingjing.envs:lingjing/ssr-broadcast-flat-v0", num_envs=3, vectorization_mode="vector_entry_point",

@@ -37,7 +37,7 @@ def played(game: SteppedEpisodes, seed: int) -> list[str]:
     return digests
 
 
-def test_a_seed_that_was_seen_before_begins_in_a_copy_and_plays_the_same(game: SteppedEpisodes) -> None:
+def test_a_repeated_seed_starts_from_a_copy_and_gives_the_same_episode(game: SteppedEpisodes) -> None:
     try:
         first, other, again, once_more = (played(game, seed) for seed in (5, 6, 5, 5))
         assert first == again == once_more != other
@@ -51,7 +51,7 @@ def test_a_seed_that_was_seen_before_begins_in_a_copy_and_plays_the_same(game: S
     await_gone(pids)
 
 
-def test_a_copy_that_was_killed_is_placed_anew(game: SteppedEpisodes) -> None:
+def test_a_killed_copy_is_replaced_and_gives_the_same_episode(game: SteppedEpisodes) -> None:
     try:
         first = played(game, 5)
         assert isinstance(game._world, ProcessWorld) and game._world._workers.starts is not None

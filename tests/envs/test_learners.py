@@ -48,7 +48,7 @@ def test_stable_baselines_checks_and_learns(actions: str) -> None:
 
 
 @pytest.mark.parametrize("actions", ["multidiscrete", "discrete"])
-def test_masked_ppo_takes_admissible_actions_alone(actions: str) -> None:
+def test_masked_ppo_takes_only_admissible_actions(actions: str) -> None:
     contrib = pytest.importorskip("sb3_contrib")
     env = one_agent(actions=actions)
     model = contrib.MaskablePPO("MlpPolicy", env, n_steps=16, batch_size=16, n_epochs=1, seed=1, device="cpu").learn(32)
@@ -70,7 +70,7 @@ def test_masked_ppo_refuses_actions_without_masks() -> None:
         contrib.MaskablePPO("MlpPolicy", one_agent(actions="box"))
 
 
-def test_forks_in_stable_baselines() -> None:
+def test_stable_baselines_learns_in_forked_worlds() -> None:
     sb3 = pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.vec_env import SubprocVecEnv
 
@@ -96,7 +96,7 @@ def test_supersuit_makes_all_agents_one_vector_for_ppo(actions: str) -> None:
     vector.close()
 
 
-def test_the_example_trains_evaluates_and_stores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_example_trains_evaluates_and_stores_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for package in ("sb3_contrib", "matplotlib"):
         pytest.importorskip(package)
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "examples")

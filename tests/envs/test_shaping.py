@@ -38,22 +38,24 @@ def picture(*shown: str) -> FrameInfo:
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.0, -0.5), (0.2, -0.6), (-0.2, -0.6), (5.0, -1.0)])
-def test_half_of_it_is_the_distance(env: FlatParallelEnv, potential: Any, share: float, expected: float) -> None:
+def test_half_of_the_potential_is_the_distance_to_the_target(
+    env: FlatParallelEnv, potential: Any, share: float, expected: float
+) -> None:
     assert potential.of(states(share * env._reach_m), ()) == pytest.approx(expected)
 
 
-def test_height_does_not_count(potential: Any) -> None:
+def test_the_height_does_not_change_the_potential(potential: Any) -> None:
     """A drone gains nothing by descending, where its camera sees less."""
     assert potential.of(states(100.0, 20.0), ()) == potential.of(states(100.0, 120.0), ())
 
 
-def test_half_of_it_is_a_picture_of_the_target(potential: Any) -> None:
+def test_half_of_the_potential_is_a_picture_of_the_target(potential: Any) -> None:
     unseen = potential.of(states(40.0), [picture()])
     assert potential.of(states(40.0), [picture("joint[1]")]) == unseen
     assert potential.of(states(40.0), [picture("fracture")]) == pytest.approx(unseen + 0.5)
 
 
-def test_a_completed_target_counts_nothing(potential: Any) -> None:
+def test_a_completed_target_has_a_potential_of_zero(potential: Any) -> None:
     potential.note([StageChange(stage="detect", subject="fracture", tick=1, time_s=10.0)])
     assert potential.of(states(100.0), ()) < 0.0
     potential.note([StageChange(stage="execute", subject="fracture", tick=1, time_s=10.0)])
