@@ -15,7 +15,7 @@ __all__ = ["camera"]
     ("height_m", "sure", "least_recall", "least_precision", "most_error_m"),
     [(100.0, 0.05, 0.7, 0.7, 2.0), (50.0, 0.3, 0.8, 0.9, float("inf"))],
 )
-def test_most_people_are_found_and_few_others(
+def test_most_people_and_few_other_objects_are_detected(
     camera, height_m: float, sure: float, least_recall: float, least_precision: float, most_error_m: float
 ) -> None:
     recall, precision, error_m = count(camera, height_m, sure, SEEDS)

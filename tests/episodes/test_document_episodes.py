@@ -22,7 +22,7 @@ DOCUMENTS = {
     "singledog": "vdn",
     "uavdog": "upr",
 }
-"""One of each kind and its mission; `uavdog` is the longest."""
+"""One document of each kind and its mission; `uavdog` is the longest."""
 
 FLEETS = {
     "upr_fleet": {"uavs": 2, "dogs": 2, "leaks": 2},
@@ -38,7 +38,7 @@ def test_the_oracle_wins_a_document(name: str, tmp_path: Path) -> None:
     assert (report.mission, report.success) == (DOCUMENTS[name], True)
 
 
-def test_the_heuristic_wins_a_document_and_its_notes_are_told_again(
+def test_the_heuristic_wins_a_document_and_the_notes_are_printed_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (document,) = (WILD.parent / "made_up").glob("06*.json")

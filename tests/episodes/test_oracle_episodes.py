@@ -1,4 +1,4 @@
-"""Whole episodes of the oracle with the real engines: bodies of every kind, and the relations that come about."""
+"""Whole episodes of the oracle with the real engines: bodies of every kind, and the relations that occur."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.episodes
         ("cd", "broadcast", {"points": 5}, {"cooperation", "dependency"}),
     ],
 )
-def test_the_oracle_wins_and_the_declared_relations_come_about(mission, mode, settings, relations, tmp_path: Path):
+def test_the_oracle_wins_and_the_declared_relations_occur(mission, mode, settings, relations, tmp_path: Path):
     result = lingjing.run(
         mission, policy="oracle", seed=3, mode=mode, settings=settings, out=tmp_path / "run", overview=False
     )
@@ -32,7 +32,7 @@ def test_the_oracle_wins_and_the_declared_relations_come_about(mission, mode, se
 
 
 @pytest.mark.parametrize("oracle", ["coordinator", "inspector", "driver"])
-def test_an_oracle_plays_its_part_among_heuristics(oracle: str, tmp_path: Path) -> None:
+def test_a_team_of_heuristics_with_one_oracle_wins(oracle: str, tmp_path: Path) -> None:
     played = lingjing.run(
         "cr", mode="star", seed=2, policy="heuristic", policies_for={oracle: "oracle"}, out=tmp_path, overview=False
     )
@@ -40,7 +40,7 @@ def test_an_oracle_plays_its_part_among_heuristics(oracle: str, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("mode", ["star", "broadcast"])
-def test_the_oracle_wins_and_the_trace_says_that_it_was_privileged(mode: str, tmp_path: Path):
+def test_the_oracle_wins_and_the_trace_records_the_privilege(mode: str, tmp_path: Path):
     result = lingjing.run("ssr", policy="oracle", seed=7, mode=mode, overview=False, out=tmp_path / "run")
     assert result.success
     assert result.ticks < 60
