@@ -57,6 +57,8 @@ NETWORKS = Path(__file__).with_name("networks.json.xz")
 """
 COARSE = 8
 """Step in pixels of the comparison of two pictures (chosen)."""
+UNLIKE = 8.0
+"""Mean difference of a picture of another world, grey levels (chosen; the same world's is at most 0.4, measured)."""
 
 
 class Introspector:
@@ -111,7 +113,8 @@ class SeedGuesser:
         """Compare the pictures, and return the decision of the chosen player."""
         for world in self._worlds:
             world.look(observation)
-        if self._worlds and self._best is not self._chosen:
+        self._worlds = [world for world in self._worlds if world.fits]
+        if (self._best if self._worlds else None) is not self._chosen:
             await self._choose()
         return await self._policy.act(observation, inbox)
 
@@ -142,6 +145,8 @@ class Shadow:
         self._views: dict[str, EntityView] = {}
         self.unlike = 0.0
         """The sum of the mean differences of all pictures and those of this world, grey levels."""
+        self.fits = True
+        """True until a picture after tick 0 differs by more than `UNLIKE`. At tick 0 no body was observed."""
 
     def player(self, brief: Brief) -> HeuristicPolicy:
         """Return the heuristic with the true boxes."""
@@ -162,7 +167,9 @@ class Shadow:
             if hasattr(answer, "jpeg"):
                 self._boxes.keep((answer.info,))
                 theirs = self._decoded(answer.jpeg)[::COARSE, ::COARSE].astype(int)
-                self.unlike += float(np.abs(theirs - picture.rgb[::COARSE, ::COARSE]).mean())
+                difference = float(np.abs(theirs - picture.rgb[::COARSE, ::COARSE]).mean())
+                self.unlike += difference
+                self.fits = self.fits and (picture.tick == 0 or difference <= UNLIKE)
 
     def _moved(self, state: BodyState) -> BodyState:
         view = self._views.get(state.id)
