@@ -240,7 +240,9 @@ def agreeing(brief: Brief, seeds: Iterable[int] = range(SEEDS)) -> list[tuple[An
                 with contextlib.suppress(Exception):  # a mission without the tier, a seed without an instance
                     if _agrees(draw(mission, seed=seed, mode=brief.mode, tier=tier), brief):
                         drawn.append((mission, tier, seed))
-    return drawn[:MOST]
+                if len(drawn) == MOST:
+                    return drawn
+    return drawn
 
 
 def _agrees(instance: Instance, brief: Brief) -> bool:
