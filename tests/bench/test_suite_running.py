@@ -127,11 +127,19 @@ def test_an_episode_is_lost_after_three_aborts_and_listed(plan: SuitePlan, tmp_p
 
 
 def test_tries_are_counted_across_commands(plan: SuitePlan, tmp_path: Path) -> None:
+    """Each command plays one try and then ends."""
+    cells = plan.cells[:1]
+    for tries, standing in ((1, "aborted"), (2, "aborted"), (3, "lost")):
+        with open_results(tmp_path / "a") as results:
+            run = SuiteRun(plan, results, "code", aborting("one"))
+            run.check_resumable()
+            due = run.due((0,), cells)
+            assert [(item.tries, item.seed) for item in due] == [(tries, 0)]
+            run._round(due, _countdown())
+        stored = read_results(tmp_path / "a")
+        assert len(stored) == tries and (stored[-1].tries, stored[-1].standing) == (tries, standing)
     with open_results(tmp_path / "a") as results:
-        run = SuiteRun(plan, results, "code", aborting("one"))
-        run.check_resumable()
-        run._round(run.due((0,), plan.cells[:1]), _countdown())
-        assert [(item.tries, item.seed) for item in run.due((0,), plan.cells[:1])] == [(2, 0)]
+        assert SuiteRun(plan, results, "code", aborting("one")).due((0,), cells) == []
 
 
 def _countdown():
