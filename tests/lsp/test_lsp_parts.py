@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lingjing.data import data_path
 from lingjing.dsl.syntax.statements import KINDS
 from lingjing.dsl.syntax.tokens import STATEMENTS
 from lingjing.errors import UsageError
@@ -53,7 +52,9 @@ def within(line: str, *, at: str = "  success") -> str:
         ("target x : person_in_water { position ~ | }", {"sites", "uniform"}, {"distance", "position"}),
         ("target x : person_in_water { position ~ sites(search, apart >= 8 |) }", {"m"}, {"s"}),
         ("target x : person_in_water { position ~ sites(|) }", {"search"}, {"iou"}),
-        ("camera", set(), {"region"}),
+        ("asset x : quadrotor { camera low { | } }", {"view", "size", "channels"}, {"band", "region"}),
+        ("asset x : quadrotor { camera low { capture = | } }", {"on_request", "each_tick"}, {"rgb"}),
+        ("asset x : quadrotor { camera low { channels = [|] } }", {"rgb", "depth"}, {"on_request"}),
         ("target x : person_in_water { | }", {"behaviour", "hidden"}, {"interaction"}),
         ("target x : person_in_water { behaviour | }", {"flee", "wander", "follow"}, {"boat"}),
         ("target x : person_in_water { behaviour flee { | } }", {"from", "speed", "within"}, {"tick"}),
@@ -90,8 +91,6 @@ def within(line: str, *, at: str = "  success") -> str:
     ],
 )  # fmt: skip
 def test_completion_offers_words_that_fit_the_place(line: str, offered: set[str], not_offered: set[str]) -> None:
-    if "|" not in line:
-        return
     proposed = set(labels(within(line)))
     assert offered <= proposed, sorted(proposed)
     assert not (not_offered & proposed)
@@ -173,27 +172,24 @@ def test_hover_shows_the_comment_above() -> None:
 def test_definitions_are_found_in_the_file_and_in_the_library() -> None:
     analysis = Analysis(SSR, "<test>")
 
-    def declared(word: str, nth: int = 0) -> tuple[str, int, int]:
-        offset = -1
-        for _ in range(nth + 1):
-            offset = SSR.index(word, offset + 1)
-        occurrence = analysis.names.at(offset)
+    def declared(word: str) -> tuple[str, int, int]:
+        occurrence = analysis.names.at(SSR.index(word))
         assert occurrence is not None
         place = analysis.declaration(occurrence)
         assert place is not None
         return place
 
-    path, start, end = declared("lifeboat {")
-    assert path.endswith("sea.ljs") or path == "<test>"
-    path, start, end = declared(": lifeboat {".removeprefix(": "))
-    library = data_path("std", "sea.ljs").read_text(encoding="utf-8")
-    assert library[start:end] == "lifeboat"
-    path, start, _ = declared("cells, peers")
-    assert (path, SSR[:start].count("\n")) == ("<test>", SSR[: SSR.index("cells over")].count("\n"))
-    path, start, end = declared("takePhoto")
-    assert path.endswith("air.ljs")
-    path, start, _ = declared("rescue(v")
-    assert path.endswith("sea.ljs")
+    def in_library(name: str, place: str, kind: str) -> tuple[str, int, int]:
+        path = mission_file(f"std/{name}")
+        start = path.read_text(encoding="utf-8").index(f"{kind} {place}") + len(kind) + 1
+        return str(path), start, start + len(place)
+
+    assert declared("lifeboat, person") == in_library("sea.ljs", "lifeboat", "asset"), "in a `use`"
+    assert declared("lifeboat {") == in_library("sea.ljs", "lifeboat", "asset"), "as the type of an asset"
+    start = SSR.index("cells over")
+    assert declared("cells, peers") == ("<test>", start, start + len("cells"))
+    assert declared("takePhoto") == in_library("air.ljs", "takePhoto", "verb")
+    assert declared("rescue(v") == in_library("sea.ljs", "rescue", "interaction")
 
 
 def test_references_distinguish_local_names() -> None:

@@ -1,4 +1,4 @@
-"""`lingjing lsp` in a separate process, with a real client over standard input and output."""
+"""`lingjing lsp`, mostly in a separate process with a real client over standard input and output."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ pytest.importorskip("pygls", reason="the extra `lsp` is not installed")
 from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcException
 from pygls.lsp.client import LanguageClient
+
+from lingjing.lsp.server import create
 
 SSR = mission_file("ssr").read_text(encoding="utf-8")
 URI = "file:///nowhere/ssr.ljs"
@@ -102,16 +104,34 @@ async def test_errors_appear_and_disappear_as_the_author_types(editor: Editor) -
     assert await editor.diagnostics(beyond=2) == []
 
 
-async def test_fast_typing_causes_fewer_checks_than_edits(editor: Editor) -> None:
+async def test_no_version_of_a_text_is_checked_twice_while_the_author_types(editor: Editor) -> None:
     editor.open(SSR)
     await editor.diagnostics()
     for number in range(20):
         editor.type(0, 5 + number, "1")
-    diagnostics = await editor.diagnostics(beyond=1)
-    assert [fault.code for fault in diagnostics] == ["LJ0106"] or diagnostics
     while editor.published[URI][-1].version != 21:
-        await asyncio.sleep(0.05)
-    assert len(editor.published[URI]) < 1 + 20  # fast typing does not cause a check per letter
+        await editor.diagnostics(beyond=len(editor.published[URI]))
+    assert [fault.code for fault in editor.published[URI][-1].diagnostics] == ["LJ0117"]
+    versions = [publication.version for publication in editor.published[URI]]
+    assert versions == sorted(set(versions))
+
+
+async def test_fast_typing_causes_one_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The clock stands still between the edits, so that no delay of the machine is a pause of the author."""
+    server, loop, checked = create(), asyncio.get_running_loop(), []
+    monkeypatch.setattr(server, "analysis", lambda uri: server.analyses[uri][1])
+    monkeypatch.setattr(server, "_diagnostics", lambda text: checked.append(text) or [])
+    monkeypatch.setattr(server, "text_document_publish_diagnostics", lambda _: None)
+    with monkeypatch.context() as standstill:
+        now = loop.time()
+        standstill.setattr(loop, "time", lambda: now)
+        for version in range(20):
+            server.analyses[URI] = (version, f"text {version}")
+            server.check_soon(URI)
+            for _ in range(5):
+                await asyncio.sleep(0)  # other tasks run, no time passes
+    await server.checks[URI]
+    assert checked == ["text 19"]
 
 
 async def test_the_server_answers_requests_about_a_broken_file(editor: Editor) -> None:
@@ -258,6 +278,23 @@ async def test_a_library_without_errors_has_no_diagnostics(editor: Editor, tmp_p
     uri = file.as_uri()
     editor.open(file.read_text(), uri)
     assert await editor.diagnostics(uri=uri) == []
+
+
+async def test_a_changed_library_is_read_again_when_it_is_saved(editor: Editor, tmp_path: Path) -> None:
+    """The editor reports the save of the library. The text that uses it is open and is not changed."""
+    library, uri = tmp_path / "boats.ljs", (tmp_path / "harbour.ljs").as_uri()
+    good = "ljs 2\nuse std.sea { lifeboat }\nasset tug : lifeboat { }\n"
+    library.write_text(good)
+    editor.open("ljs 2\nuse .boats { tug }\nasset big : tug { }\n", uri)
+    assert await editor.diagnostics(uri=uri) == []
+    saved = lsp.DidSaveTextDocumentParams(lsp.TextDocumentIdentifier(library.as_uri()))
+    library.write_text(good.replace("asset tug", "asset barge"))
+    editor.text_document_did_save(saved)
+    (fault,) = await editor.diagnostics(beyond=1, uri=uri)
+    assert (fault.code, fault.range.start.line) == ("LJ0101", 1)
+    library.write_text(good)
+    editor.text_document_did_save(saved)
+    assert await editor.diagnostics(beyond=2, uri=uri) == []
 
 
 def long_mission(lines: int) -> str:
