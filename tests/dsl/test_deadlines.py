@@ -7,8 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from lingjing.errors import MissionError
-from lingjing.testing import brief_of, compile_text, compiled, instantiate
+from lingjing.testing import brief_of, compile_text, instantiate
 
 STAGE = "  stage execute per v in victim { done when rescued(v) }"
 
@@ -86,13 +85,23 @@ def test_a_hidden_deadline_that_ends_the_episode_must_be_declassified(small: str
     assert times_of(text.replace("hidden deadline", "deadline")) == [100.0, 200.0, 300.0]
 
 
-def test_a_deadline_over_a_field_that_the_type_lacks_is_an_error(small: str) -> None:
-    text = with_deadline(small, "state people = 3", "1 s * v.people")
-    errors = [item for item in compile_text(text).diagnostics if item.severity == "error"]
-    assert errors, "the type has no state `people`"
-    boat = small.replace("heading = 30 deg, speed", "heading = 30 deg, deadline = 50 s, speed", 1)
-    with pytest.raises(MissionError):
-        compiled(boat.replace(STAGE, STAGE.replace(" }", ", deadline = v.deadline }"), 1))
+@pytest.mark.parametrize(
+    ("deadline", "expected"),
+    [
+        ("100 s * v.people", ["LJ0304"]),
+        ("min(100 s, 9 s * (v.cargo / 1 kg))", ["LJ0304"]),
+        ("100 s * v.rank", []),
+        ("100 s * pier.people", ["LJ0304"]),
+        ("100 s * pier.rank", []),
+    ],
+)
+def test_a_deadline_over_a_state_is_an_error(small: str, deadline: str, expected: list[str]) -> None:
+    """A state is a number that changes during a run. A property such as `rank` never changes."""
+    crowd = "target crowd : person_in_water {\n  state people = 3\n  state cargo = 2 kg\n  rank = 2\n}\n"
+    text = with_deadline(small, "drift = 1 m/s", deadline).replace(": person_in_water {", ": crowd {")
+    text = text.replace("mission ", f"{crowd}mission ", 1)
+    pier = "  target pier : crowd { position = (5 m, 5 m) }\n"
+    assert codes(text.replace("  stage detect", f"{pier}  stage detect", 1)) == expected
 
 
 @pytest.mark.parametrize(("deadline", "proved"), [("5 s", True), ("590 s", False)])

@@ -8,6 +8,7 @@ from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.calls import children
 from lingjing.dsl.checking.scope import RuleInfo, SymbolTables
 from lingjing.dsl.checking.settings import SettingsChecker
+from lingjing.dsl.checking.status_words import stored_name
 from lingjing.dsl.checking.values import RULE, STATIC, UNKNOWN, Environment
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.statements import KINDS
@@ -97,7 +98,7 @@ class RuleChecker(DeclarationChecker):
             return None
         value = self.of.expect(condition, environment, FLAG, "`done when`")
         deadline = entries.get("deadline")
-        if deadline is not None and not self._is_declared(deadline.value.ir):
+        if deadline is not None and not self._is_declared(deadline.value.ir, node.domain):
             hint = "use numbers, params, and properties of a member or an entity that nothing changes: `v.deadline`"
             self.report.at("LJ0304", deadline.node.value, "a deadline is known before the run", hint)
             return None
@@ -220,16 +221,29 @@ class RuleChecker(DeclarationChecker):
                 return name if name in shares else ""
         return ""
 
-    def _is_declared(self, value: ex.Expr) -> bool:
-        """True if a value is made of numbers, params, and declared properties of a bound member or a single entity."""
+    def _is_declared(self, value: ex.Expr, domain: s.Name | None) -> bool:
+        """True if a value is made of numbers, params, and properties without changes of a bound member or a single
+        entity.
+
+        `domain`: the group of the bound member; None without one.
+        """
         match value:
             case ex.Number() | ex.Ref(kind="param" | "clock"):
                 return True
-            case ex.Attr(base=ex.Ref(kind="local" | "entity"), name=name):
-                return name not in ("position", "heading_deg", "status", "velocity")
+            case ex.Attr(base=ex.Ref(kind="local"), name=name) if domain is not None:
+                return name not in self._changing(domain.text)
+            case ex.Attr(base=ex.Ref(kind="entity", name=owner), name=name):
+                return name not in self._changing(owner)
             case ex.Binary() | ex.Unary() | ex.Call(function="min" | "max"):
-                return all(map(self._is_declared, ex.children(value)))
+                return all(self._is_declared(child, domain) for child in ex.children(value))
         return False
+
+    def _changing(self, group: str) -> set[str]:
+        """The stored names of a group's fields that change during a run: the motion, the status, and all states."""
+        info = self.scope.groups.get(group)
+        attributes = info.attributes if info is not None else {}
+        states = {stored_name(name, known) for name, known in attributes.items() if known.state}
+        return {"position", "heading_deg", "status", "velocity", *states}
 
     def _check_unlocked_groups(self, node: s.UnlockLine) -> None:
         """Report an unlock for groups that do not have the interaction."""

@@ -50,7 +50,7 @@ def _of_nature(group: GroupInfo, decl: TypeDecl, declared: set[str]) -> set[str]
     surface = group.lines.get("on", properties.get("on"))
     nature = nature_of(
         TargetTraits(
-            states=[_stored_name(name, known) for name, known in states.items()],
+            states=[stored_name(name, known) for name, known in states.items()],
             properties=properties,
             interactions=interactions,
             surface=surface.text if isinstance(surface, s.Name) else getattr(surface, "name", ""),
@@ -60,7 +60,8 @@ def _of_nature(group: GroupInfo, decl: TypeDecl, declared: set[str]) -> set[str]
     return {*(declared or {nature.word}), *later_words(nature, interactions, states)}
 
 
-def _stored_name(name: str, known: PropertyType) -> str:
+def stored_name(name: str, known: PropertyType) -> str:
+    """The name of a property in a mission, with the suffix of its unit."""
     return name + (suffix_of(known.type.dimension) if known.type.kind == "quantity" else "")
 
 
