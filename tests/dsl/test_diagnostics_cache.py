@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -85,11 +86,23 @@ def test_the_cache_can_be_turned_off(small: str, folder: Path, monkeypatch: pyte
     assert not folder.exists()
 
 
-def test_the_number_of_cache_entries_is_limited(small: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_least_recently_read_entries_of_a_full_cache_are_removed(
+    small: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Entries 0 to 2 fill the cache, the first is the oldest and is read again. Then two more are stored."""
     monkeypatch.setattr(cache, "MOST_ENTRIES", 3)
-    for number in range(6):
-        cache.compile_cached(SourceText(f"{small}# {number}\n", "m.ljs"))
-    assert len(list(folder.iterdir())) == 3
+    sources = [SourceText(f"{small}# {number}\n", "m.ljs") for number in range(5)]
+    for hours, source in zip((6, 5, 4), sources, strict=False):
+        before = set(folder.iterdir()) if folder.exists() else set()
+        cache.compile_cached(source)
+        (entry,) = set(folder.iterdir()) - before
+        stored_s = time.time() - 3600.0 * hours
+        os.utime(entry, (stored_s, stored_s))
+    assert cache.cached_warnings(sources[0]) == ()
+    for source in sources[3:]:
+        cache.compile_cached(source)
+    kept = [number for number, source in enumerate(sources) if cache.cached_warnings(source) is not None]
+    assert (kept, len(list(folder.iterdir()))) == ([0, 3, 4], 3)
 
 
 def test_simultaneous_writers_leave_one_complete_entry(small: str, tmp_path: Path, folder: Path) -> None:

@@ -135,9 +135,21 @@ def test_a_part_or_a_mount_that_is_declared_twice_is_an_error(small: str) -> Non
     assert [item.code for item in diagnostics] == ["LJ0104", "LJ0104"]
 
 
-def test_a_part_outside_of_a_type_is_an_error(small: str) -> None:
-    text = small.replace("  success when", "  part a : box { length = 1 m, width = 1 m, height = 1 m }\n  success when")
-    assert {item.code for item in compile_text(text).diagnostics} == {"LJ0107"}
+@pytest.mark.parametrize(("before", "place"), [("  success when", "a mission"), ("    camera nadir", "`uav`")])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "mount front { ahead = 1 m, above = 1 m, tilt = 0 deg }",
+        "part a : box { length = 1 m, width = 1 m, height = 1 m }",
+    ],
+)
+def test_a_mount_or_a_part_outside_of_a_type_is_an_error(small: str, before: str, place: str, line: str) -> None:
+    """The names are those of a type's body, where both are correct."""
+    assert group_of(with_type(small, f"target beacon : person_in_water {{\n  {line}\n}}\n"))
+    text = small.replace(before, f"    {line}\n{before}", 1)
+    errors = [(item.code, item.message, item.span.line) for item in compile_text(text).diagnostics]
+    head, written = line.split()[0], text[: text.index(line)].count("\n") + 1
+    assert errors == [("LJ0107", f"`{head}` has no meaning in {place}", written)]
 
 
 def test_part_and_mount_stay_names_of_properties(small: str) -> None:
