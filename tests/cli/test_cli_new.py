@@ -58,7 +58,7 @@ def test_new_agent_prints_the_next_commands_and_the_agent_passes_its_own_test(tm
 
 
 @pytest.mark.slow
-def test_a_new_agent_finds_a_target_without_rejected_commands(tmp_path: Path) -> None:
+def test_a_new_agent_finds_a_target_and_sends_the_boat_to_a_reported_place(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text(encoding="utf-8")
     (tmp_path / "ssr.ljs").write_text(text.replace("ticks <= 60", "ticks <= 20"), encoding="utf-8")
     assert "scout.py" in lingjing("new", "agent", "scout", cwd=tmp_path).stdout
@@ -71,6 +71,14 @@ def test_a_new_agent_finds_a_target_without_rejected_commands(tmp_path: Path) ->
     assert metrics["targets_found"] >= 1
     assert metrics["frames"] >= 10
     assert (metrics["substitutions"], metrics["rejections"]) == (0, 0)
+    boundaries = package.read(tmp_path / "o" / "trace.mcap").boundaries
+    sent = next(command for boundary in boundaries for command in boundary.commands if command.resource == "boat")
+    messages = [message for boundary in boundaries[: sent.tick] for message in boundary.messages]
+    reported = [tuple(message.body["position"][:2]) for message in messages if message.kind == "detection"]
+    assert (sent.verb, sent.sender) == ("moveTo", "skipper")
+    assert (sent.arguments["x"], sent.arguments["y"]) in reported
+    receipts = [receipt for boundary in boundaries for receipt in boundary.receipts if receipt.request == sent.id]
+    assert receipts[-1].status == "running" and receipts[-1].progress > 0.1
 
 
 def test_new_mission_overwrites_no_file_and_checks_the_name(tmp_path: Path) -> None:
