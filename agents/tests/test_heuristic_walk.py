@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from lingjing_agents.capability import photo
-from lingjing_agents.ground_plane import GroundRectangle
+from lingjing_agents.ground_plane import GroundRectangle, inside
 from lingjing_agents.heuristic.dogs.building_finder import Belief, where_to_look
 from lingjing_agents.heuristic.dogs.dog_rules import DogRules
 from lingjing_agents.heuristic.dogs.fire_searcher import FireSearcher
@@ -20,6 +20,7 @@ from lingjing_agents.paths.obstacle_grid import ObstacleGrid
 from lingjing_agents.perception.facades import FacadeColumn
 
 from agents.tests.agent_kit import (
+    ASSIGNMENT,
     EYE,
     GUIDANCE,
     REPORT,
@@ -33,6 +34,7 @@ from agents.tests.agent_kit import (
     sent_by,
     view,
 )
+from lingjing.plugins.geometry import offset_xy
 from lingjing.plugins.policy import (
     CameraPose,
     Peer,
@@ -243,8 +245,9 @@ def test_a_walker_outside_enters_by_the_smallest_region():
     assert where_to_look(outside, (50.0, 40.0)) == (YARD, None)
 
 
-def test_an_executor_carries_out_one_step_after_another():
-    rules = rules_for(brief("skipper", role="executor", resources=(dog(eyes=False),), cells=(), messages=(STATUS,)))
+def test_an_executor_carries_out_one_step_after_another_and_reports_each_result():
+    status = sent_by(STATUS, "executor")
+    rules = rules_for(brief("skipper", role="executor", resources=(dog(eyes=False),), cells=(), messages=(status,)))
     assert isinstance(rules, DogRules)
     steps = [("right", 30.0), ("forward", 7.5), ("jump", 1.0)]
     guidance = [envelope("pilot", GUIDANCE, {"assignee": "skipper", "step": step, "amount": amount})
@@ -253,13 +256,19 @@ def test_an_executor_carries_out_one_step_after_another():
     first = rules.act(observe("skipper", 1, at), Inbox(messages=tuple(guidance)))
     assert first.command is not None
     assert (first.command.verb, first.command.arguments) == ("right", {"angle": 30.0})
-    assert rules.act(observe("skipper", 2, at), Inbox()).command is None
+    waiting = rules.act(observe("skipper", 2, at), Inbox())
+    assert waiting.command is None
+    assert first.messages == waiting.messages == ()
     ended = Receipt(request="c1-1", tick=1, sender="skipper", resource="dog", status="completed")
     second = rules.act(observe("skipper", 3, at), Inbox(receipts=(ended,)))
     assert second.command is not None
-    assert second.command.verb == "forward"
+    assert (second.command.verb, second.command.arguments) == ("forward", {"distance": 7.5})
     last = rules.act(observe("skipper", 4, at), refused("blocked"))
     assert last.command is None
+    for decision, state in ((second, "done"), (last, "blocked")):
+        (message,) = decision.messages
+        assert message.kind == "progress"
+        assert message.body == {"task": "step", "state": state, "position": (0.0, 0.0, 0.3)}
 
 
 def test_an_executor_ignores_steps_for_another_agent():
@@ -388,11 +397,26 @@ def test_a_navigator_walks_through_the_gate_and_then_goes_on():
     first = rules.act(outside, Inbox()).command
     assert first is not None
     assert (first.verb, first.arguments) == ("forward", {"distance": 25.0})
-    at = observe("skipper", 2, view("dog", (-1.0, 40.0, 0.33), heading=90.0),
-                 pictures=(seen("front", (-1.0, 40.0), street),))  # fmt: skip
-    second = rules.act(at, Inbox()).command
+    in_the_gate = (-1.0, 40.0)
+    turned = observe("skipper", 2, view("dog", (*in_the_gate, 0.33), heading=90.0),
+                     pictures=(seen("front", in_the_gate, street),))  # fmt: skip
+    second = rules.act(turned, Inbox()).command
     assert second is not None
-    assert second.verb in ("forward", "left", "right")
+    assert second.verb in ("left", "right")
+    off_deg = second.arguments["angle"] * (1.0 if second.verb == "right" else -1.0)
+    assert abs(off_deg) < 45.0, "within the open view of the picture"
+    heading = 90.0 + off_deg
+    third = rules.act(observe("skipper", 3, view("dog", (*in_the_gate, 0.33), heading=heading)), Inbox()).command
+    assert third is not None
+    assert third.verb == "forward"
+    there = offset_xy(in_the_gate, heading, third.arguments["distance"])
+    assert inside(YARD, there)
+    further = observe(
+        "skipper", 4, view("dog", (*there, 0.33), heading=heading), pictures=(seen("front", there, street),)
+    )
+    fourth = rules.act(further, Inbox()).command
+    assert fourth is not None
+    assert fourth.verb == "forward", "it does not turn back to the gate"
 
 
 def seen(camera: str, here: tuple[float, float], rgb: np.ndarray) -> Picture:
@@ -400,18 +424,29 @@ def seen(camera: str, here: tuple[float, float], rgb: np.ndarray) -> Picture:
     return Picture(frame="f", entity="dog", camera=camera, tick=0, time_s=0.0, pose=pose, rgb=rgb)
 
 
-def test_a_walker_without_a_reference_picture_follows_orders():
-    walker = brief("skipper", role="courier", resources=(dog(longest_m=25.0),), cells=(), messages=(GUIDANCE,),
+@pytest.mark.parametrize(
+    ("spec", "task"), [(GUIDANCE, {"step": "go"}), (ASSIGNMENT, {"task": "deliver"})], ids=["guidance", "assignment"]
+)
+def test_a_walker_without_a_reference_picture_goes_to_the_ordered_place(spec, task):
+    """The place is 41 m away in the direction of 14 degrees."""
+    walker = brief("skipper", role="courier", resources=(dog(longest_m=25.0),), cells=(), messages=(spec,),
                  regions=(Region(name="yard", polygon=YARD),), classes=("delivery_door",))  # fmt: skip
-    rules = rules_for(walker)
-    order = envelope("pilot", GUIDANCE, {"assignee": "skipper", "step": "go", "position": (60.0, 70.0, 0.0)})
-    place = (50.0, 30.0, 0.33)
     street = np.full((720, 1280, 3), (90, 140, 230), np.uint8)
     street[360:] = 120
-    at = observe("skipper", 1, view("dog", place, heading=14.0), pictures=(seen("front", place[:2], street),))
-    command = rules.act(at, Inbox(messages=(order,))).command
-    assert command is not None
-    if command.verb == "takePhoto":  # it looks ahead before it walks
-        command = rules.act(at, Inbox()).command
-        assert command is not None
-    assert command.verb in ("forward", "takePhoto")
+
+    def command(rules, tick, here, heading, *messages):
+        at = observe("skipper", tick, view("dog", (*here, 0.33), heading=heading),
+                     pictures=(seen("front", here, street),))  # fmt: skip
+        decided = rules.act(at, Inbox(messages=messages)).command
+        return (decided.verb, decided.arguments) if decided is not None else None
+
+    def order(assignee):
+        return envelope("pilot", spec, {"assignee": assignee, **task, "position": (60.0, 70.0, 0.0)})
+
+    start, later = (50.0, 30.0), offset_xy((50.0, 30.0), 14.0, 25.0)
+    rules = rules_for(walker)
+    assert command(rules, 1, start, 0.0, order("skipper")) == ("right", {"angle": 14.0})
+    assert command(rules, 2, start, 14.0) == ("forward", {"distance": 25.0})
+    assert command(rules, 3, later, 14.0) == ("forward", {"distance": 14.73})
+    for others in ((), (order("somebody"),)):
+        assert command(rules_for(walker), 1, start, 14.0, *others) != ("forward", {"distance": 25.0})
