@@ -11,7 +11,7 @@ from lingjing import Trace
 from lingjing.mission.instance import Instance
 from lingjing.trace.records import BoundaryRecord, Decision, DecisionRecord, Snapshot
 from lingjing.viewer.page_content import PageContent, page_json
-from lingjing.viewer.steps import LONGEST_TEXT, shorten
+from lingjing.viewer.steps import LONGEST_TEXT, SAMPLES, STILL_DEG, STILL_M, shorten
 
 
 def hidden(instance: Instance) -> set[str]:
@@ -100,6 +100,37 @@ def test_the_samples_of_an_entity_end_at_its_last_position(trace: Trace) -> None
         assert times == sorted(times)
         assert abs(samples[-1][1] - state.position[0]) < 0.3
         assert abs(samples[-1][2] - state.position[1]) < 0.3
+
+
+def test_an_entity_at_rest_has_one_sample_until_it_moves_or_turns(trace: Trace, written: Callable[..., Trace]) -> None:
+    """A UAV stays at one place, except for motions of the size of rounding errors. It turns before the last boundary.
+    All other entities move as in the trace.
+    """
+    records = trace.boundaries[:8]
+    (rest,) = (state for state in records[0].snapshots[-1].states if state.id == "uav[1]")
+    east, north, up = rest.position
+
+    def resting(snapshot: Snapshot, number: int, tick: int) -> Snapshot:
+        heading = rest.heading_deg + (STILL_DEG + 1.0 if tick == records[-1].tick else 0.0)
+        place = (east + 0.4 * STILL_M * (number % 3), north, up)
+        uav = msgspec.structs.replace(rest, position=place, heading_deg=heading)
+        states = tuple(uav if state.id == uav.id else state for state in snapshot.states)
+        return msgspec.structs.replace(snapshot, states=states)
+
+    made = [
+        msgspec.structs.replace(
+            record, snapshots=tuple(resting(item, n, record.tick) for n, item in enumerate(record.snapshots))
+        )
+        for record in records
+    ]
+    usual = [step.moves for step in PageContent(shortened(trace, list(records)), truth=True).steps]
+    moves = [step.moves for step in PageContent(written(made, trace.header, finish=False), truth=True).steps]
+    assert [len(samples.get("uav[1]", ())) for samples in moves] == [1, 0, 0, 0, 0, 0, 0, 1]
+    assert sum(len(samples.get("uav[1]", ())) for samples in usual) > 8
+    assert max(len(of_entity) for samples in usual for of_entity in samples.values()) == SAMPLES
+    for samples in (*moves, *usual):
+        samples.pop("uav[1]", None)
+    assert moves == usual
 
 
 def test_texts_are_shortened_and_control_characters_are_removed() -> None:
