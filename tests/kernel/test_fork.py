@@ -39,18 +39,23 @@ def deciding(tick):
 
 
 def played(kernel, start, stop, change=()):
-    made = [change if change and tick == start else deciding(tick) for tick in range(start, stop)]
-    records = [kernel.step(decisions).record for decisions in made]
-    return [(record.digest, kernel.state.frames_digest) for record in records]
+    """Return the digests of the records and of the pictures after each tick."""
+    digests = []
+    for tick in range(start, stop):
+        record = kernel.step(change if change and tick == start else deciding(tick)).record
+        digests.append((record.digest, kernel.state.frames_digest))
+    return digests
 
 
-def test_a_null_fork_of_the_real_engines_ends_with_its_parents_digest(kernel):
-    played(kernel, 0, 4)
+def test_a_null_fork_of_the_real_engines_and_its_parent_have_the_digests_of_an_unforked_run(kernel):
+    unforked = played(kernel, 0, 8)
+    kernel.reset()
+    assert played(kernel, 0, 4) == unforked[:4]
     branch = kernel.fork()
-    parent, child = played(kernel, 4, 8), played(branch, 4, 8)
+    child, parent = played(branch, 4, 8), played(kernel, 4, 8)
     branch.world.close()
-    assert child == parent
-    assert len({digest for digest, _ in parent}) == 4
+    assert child == parent == unforked[4:]
+    assert len({digest for digest, _ in unforked}) == 8
 
 
 def test_forks_with_other_decisions_have_other_digests_than_their_parent(kernel):

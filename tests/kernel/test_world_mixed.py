@@ -34,16 +34,20 @@ def played(world, instance, ticks):
 
 
 def test_the_world_process_has_one_thread_and_its_fork_continues_bit_for_bit(world, city):
-    """SUMO, MuJoCo and JSBSim in one process, as an episode uses them."""
+    """SUMO, MuJoCo and JSBSim in one process, as an episode uses them. The fork and its parent continue like a run
+    without a fork.
+    """
     instance = mixed.instance()
     ready = world.reset(instance, city)
     assert [status.engine for status in ready.engines] == ["city", "multirotor", "quadruped", "road", "vessel"]
+    unforked = played(world, instance, range(1, 3 + TICKS))
+    world.reset(instance, city)
     played(world, instance, (1, 2))
     twin = world.fork()
     pids = [each._workers.world.pid for each in (world, twin)]
     later = range(3, 3 + TICKS)
     ours = played(world, instance, later)
-    assert played(twin, instance, later) == ours
+    assert played(twin, instance, later) == ours == unforked[2:]
     assert [len(os.listdir(f"/proc/{pid}/task")) for pid in pids] == [1, 1]
     assert len(ours[-1].snapshots[-1].ambient) == 20
     twin.close()
