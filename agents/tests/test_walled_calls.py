@@ -8,20 +8,23 @@ import sys
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 
 from agents.tests.chat_server import Reply, serve
 from agents.tests.test_recorded_calls import ARGUMENTS, KEY, LOOK, TEXT, decisions, looking
-from lingjing import EpisodeReport, Session
+from lingjing import EpisodeReport, PlayOptions, Session
 from lingjing import read as read_trace
 from lingjing.errors import InfrastructureError, UsageError
-from lingjing.play.options import PlayOptions
 from lingjing.play.policy_processes.agent_process import PolicyProcess
-from lingjing.play.policy_processes.messages import BrokerStart
+from lingjing.play.policy_processes.messages import BeginModelCall, BrokerStart, EndModelCall, encoded
+from lingjing.play.policy_processes.model_calls import ModelCallService
 from lingjing.play.policy_processes.preloading import SERVES
 from lingjing.play.policy_processes.servers import OpenServer, WalledServer, walls_of
+from lingjing.plugins.calls import CallRequest, CallResult
 from lingjing.plugins.loading import UNRECORDED
 from lingjing.processes.fork_client import ForkServer
 from lingjing.testing import recorded_calls
@@ -175,3 +178,44 @@ def test_a_foreign_policy_calls_the_broker_and_an_invalid_question_is_a_policy_e
     if name == "Asker":
         assert server.requests[0]["messages"] == [{"role": "user", "content": "may I?"}]
         assert msgspec.json.decode(recorded_calls(tmp_path / "out")[0].messages[0])["role"] == "user"
+
+
+class _Calls:
+    """A record that holds nothing and counts the requests."""
+
+    replaying = False
+    capped = False
+    broker = None
+
+    def __init__(self) -> None:
+        self.requests = 0
+
+    def begin(self, request: CallRequest) -> None:
+        self.requests += 1
+
+    def end(self, request: CallRequest, result: CallResult) -> None:
+        self.requests += 1
+
+
+_CALL = CallRequest(tick=3, number=0, head=b"{}", messages=())
+
+
+@pytest.mark.parametrize(
+    ("messages", "reason"),
+    [
+        ([BeginModelCall(request=replace(_CALL, tick=2**63 - 1))], "a model call at tick 9223372036854775807"),
+        ([BeginModelCall(request=replace(_CALL, number=-5))], "with the number -5"),
+        ([BeginModelCall(request=_CALL)] * 2, "model call 0 at tick 3 was begun before"),
+        ([BeginModelCall(request=replace(_CALL, most_usd=-1.0))], "an impossible price"),
+        ([EndModelCall(request=_CALL, result=CallResult(cost_usd=float("nan")))], "an impossible price"),
+        ([EndModelCall(request=_CALL, result=CallResult(prompt_tokens=2**62))], "an impossible number of tokens"),
+    ],
+)
+def test_an_impossible_or_repeated_model_call_is_an_invalid_message(messages: list[Any], reason: str) -> None:
+    calls = _Calls()
+    service = ModelCallService(calls)
+    for message in messages[:-1]:
+        service.answer(encoded(message))
+    with pytest.raises(msgspec.ValidationError, match=reason):
+        service.answer(encoded(messages[-1]))
+    assert calls.requests == len(messages) - 1

@@ -10,15 +10,20 @@ import random
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import msgspec
 
 from lingjing.bench.evidence import AuditMark, AuditRecord, named, row_faults, row_sha256
-from lingjing.bench.rows import SuiteRow
+from lingjing.bench.rows import SuiteRow, without_folder
 from lingjing.causal.replay import replay
 from lingjing.decoding import from_json
+from lingjing.dsl.loading.load import load_mission
+from lingjing.dsl.loading.shipped import find_mission, shipped_missions
 from lingjing.errors import LingjingError
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import Mission
 from lingjing.mission.salts import Salt, public_seed, salt_fault
 from lingjing.play.report import EpisodeReport, report_of
 from lingjing.trace.call_store import CALLS_NAME, CallReader
@@ -32,7 +37,9 @@ LEAST_SHARE = 0.05
 NOT_KEPT = "its trace was not kept (`bench --keep` keeps traces)"
 REMOVED = "its trace was removed"
 NO_TRACE = "its episode has no trace: the policy failed before it began"
-"""The reasons for which a row cannot be checked."""
+OTHER_CODE = "it was played with other code, so that only its own replay confirms it (--share 1)"
+NOT_SHIPPED = "its rules: its mission is not shipped, so another one of the same name is not found"
+"""The reasons for which a row cannot be checked, or not wholly."""
 
 _COMPARED = ("mission", "mode", "seed", "policy_seed", "tier", "language", "success", "reason", "scr", "score", "ticks",
              "digest", "frames_digest", "metrics", "family", "terciles", "perceived", "privileged")  # fmt: skip
@@ -100,6 +107,10 @@ class Auditor:
         audit.checked = len(confirmed)
         for row in self._sample(confirmed):
             self._replay(row, audit)
+        for row in confirmed:
+            if row.harness != self.code and audit.marks.get(row_sha256(row)) == "checked":
+                del audit.marks[row_sha256(row)]
+                audit.unchecked[OTHER_CODE] += 1
         return audit
 
     def _repeated_traces(self, rows: Sequence[SuiteRow]) -> Iterator[Finding]:
@@ -144,6 +155,7 @@ class Auditor:
             return f"its trace cannot be read: {error}"
         return (
             _header_fault(row, trace)
+            or _rules_fault(row, trace, audit)
             or _report_fault(row.report, report_of(trace, row.report.policy))
             or self._split_fault(row, trace, audit)
             or _calls_fault(row, path.parent, audit)
@@ -181,6 +193,7 @@ class Auditor:
             self.tell(f"{named(row)}: confirmed by a replay")
             return
         if row.harness != self.code:
+            del audit.marks[row_sha256(row)]
             audit.unchecked["its replay: it was played with other code, and differs here"] += 1
             self.tell(f"{named(row)}: differs in a replay with other code")
             return
@@ -203,6 +216,11 @@ def _header_fault(row: SuiteRow, trace: Trace) -> str:
         "language": (row.language, header.instance.language),
         "evaluators": (options.evaluators, header.evaluators),
         "policy": (row.policy in {binding.policy for binding in header.bindings}, True),
+        "option seed": (options.seed, row.seed),
+        "option policy_seed": (options.policy_seed, row.policy_seed),
+        "option mode": (options.mode, row.mode),
+        "option policy": (without_folder(options.policy), row.policy),
+        "reported policy": (without_folder(row.report.policy), row.policy),
         "walls": (options.isolate != "no", bool(header.fingerprint.get("walls"))),
     }
     for name, (claimed, recorded) in played.items():
@@ -213,6 +231,35 @@ def _header_fault(row: SuiteRow, trace: Trace) -> str:
         if name in options.policy_args and options.policy_args[name] != value:
             return f"its option `{name}` is not that of its trace"
     return ""
+
+
+_RULES = ("goal", "settings", "clock", "budget", "agents", "messages", "comms", "rules", "unlocks", "stages",
+          "relations", "success", "failure", "limits", "permits", "constraints", "inspections", "reveals")  # fmt: skip
+"""The fields of an instance that follow from mission, seed, mode, tier and settings alone, and decide the outcome."""
+
+
+def _rules_fault(row: SuiteRow, trace: Trace, audit: Audit) -> str:
+    """Return the first difference between the rules in a trace and those that the shipped mission gives."""
+    if row.mission not in shipped_missions():
+        audit.unchecked[NOT_SHIPPED] += 1
+        return ""
+    played, options = trace.header.instance, row.options
+    if options.scene:
+        audit.unchecked["its rules: it was played in another city"] += 1
+        return ""
+    drawn = instantiate(
+        _shipped(row.mission), seed=played.seed, mode=played.mode, settings=options.settings, tier=played.tier,
+        language=played.language,
+    )  # fmt: skip
+    for name in _RULES:
+        if getattr(drawn, name) != getattr(played, name):
+            return f"its {name} is not that of the shipped mission"
+    return ""
+
+
+@cache
+def _shipped(name: str) -> Mission:
+    return load_mission(find_mission(name))
 
 
 def _report_fault(claimed: EpisodeReport, scored: EpisodeReport) -> str:

@@ -149,27 +149,33 @@ def check_tiers(rows: Iterable[SuiteRow]) -> None:
 
 
 def comparable(options: PlayOptions) -> PlayOptions:
-    """Return the options that must be equal in one table: without paths, seeds, limits and call records. Policy files
-    are reduced to their names.
-    """
+    """Return the options that must be equal in one table: without places, seeds, limits and call records."""
     return msgspec.structs.replace(
-        options,
+        without_places(options),
         mission="",
         seed=0,
-        salt="",
         policy_seed=0,
         sign=None,
         calls="record",
-        calls_from="",
         max_cost=None,
         max_tokens=None,
-        ledger="",
-        policy=_without_folder(options.policy),
-        policies_for={role: _without_folder(policy) for role, policy in options.policies_for.items()},
     )
 
 
-def _without_folder(policy: str) -> str:
+def without_places(options: PlayOptions) -> PlayOptions:
+    """Return the options without places of files. Policy files are reduced to their names."""
+    return msgspec.structs.replace(
+        options,
+        salt="",
+        calls_from="",
+        ledger="",
+        policy=without_folder(options.policy),
+        policies_for={role: without_folder(policy) for role, policy in options.policies_for.items()},
+    )
+
+
+def without_folder(policy: str) -> str:
+    """Return a policy's name, for a policy file without its folder: `agent.py:Agent`."""
     return policy.rpartition("/")[2] if policy.partition(":")[0].endswith(".py") else policy
 
 
@@ -224,4 +230,4 @@ def _hash_of_code(files: tuple[_CodeFile, ...]) -> bytes:
     return digest.digest()
 
 
-__all__ = ["RowKey", "RowStanding", "SuiteRow", "code_sha256", "comparable"]
+__all__ = ["RowKey", "RowStanding", "SuiteRow", "code_sha256", "comparable", "without_folder", "without_places"]

@@ -28,7 +28,14 @@ from lingjing.bench.evidence import check_rows, seal_of
 from lingjing.bench.executors import Executor
 from lingjing.bench.folder import ResultsFolder, fingerprint, policy_seed
 from lingjing.bench.planning import Isolation, SuiteCell, SuitePlan, options_of_cell
-from lingjing.bench.rows import RowStanding, SuiteRow, code_sha256, comparable
+from lingjing.bench.rows import (
+    RowStanding,
+    SuiteRow,
+    code_sha256,
+    comparable,
+    without_folder,
+    without_places,
+)
 from lingjing.bench.services import EntrantServices, probe_entrant
 from lingjing.bench.version import benchmark_version
 from lingjing.errors import UsageError
@@ -357,8 +364,8 @@ class SuiteRun:
             harness=self.harness,
             wall_s=wall_s,
             ended_unix_s=round(time.time(), 1),
-            options=msgspec.structs.replace(options, mission=cell.column.mission, ledger="", calls_from="", salt=""),
-            report=msgspec.structs.replace(report, trace=kept),
+            options=without_places(msgspec.structs.replace(options, mission=cell.column.mission)),
+            report=msgspec.structs.replace(report, trace=kept, policy=without_folder(report.policy)),
         )
 
 

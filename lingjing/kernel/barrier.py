@@ -276,6 +276,13 @@ class PolicyBarrier(Barrier):
         return PolicyAnswer(value=value, wall_s=wall_s)
 
 
+_MOST_COUNTED = 1_000_000_000
+"""The most tokens or calls that a policy may report for one turn (chosen: a sum over an episode fits 64 bits)."""
+
+_MOST_USD = 10_000.0
+"""The highest cost that a policy may report for one turn, US dollars (chosen)."""
+
+
 def _raised(future: concurrent.futures.Future[Any], error: BaseException) -> bool:
     """Return whether the call itself raised this error. A call that finished at the last moment did not."""
     return future.done() and not future.cancelled() and future.exception() is error
@@ -320,8 +327,23 @@ def _act_call(policy: Policy, observation: Observation, inbox: Inbox) -> Callabl
 
 
 def _check(answer: PolicyAnswer) -> PolicyAnswer:
-    """Return the answer if it holds a `Decision` or a failure, else a failure with the reason `malformed`."""
-    if answer.reason or isinstance(answer.value, Decision):
-        return answer
-    kind = type(answer.value).__name__
-    return PolicyAnswer(reason="malformed", detail=f"`act` returned {kind}, not a Decision", wall_s=answer.wall_s)
+    """Return the answer if it holds a `Decision` or a failure, with a consumption that is possible. Otherwise return a
+    failure with the reason `malformed`.
+    """
+    if not answer.reason and not isinstance(answer.value, Decision):
+        detail = f"`act` returned {type(answer.value).__name__}, not a Decision"
+        return PolicyAnswer(reason="malformed", detail=detail, wall_s=answer.wall_s)
+    usage = answer.usage if answer.reason else answer.value.usage
+    fault = _usage_fault(usage) if usage is not None else ""
+    return PolicyAnswer(reason="malformed", detail=fault, wall_s=answer.wall_s) if fault else answer
+
+
+def _usage_fault(usage: Usage) -> str:
+    """Return the reason for which a policy cannot have consumed this much in one turn; "" if it can."""
+    for name in ("calls", "prompt_tokens", "completion_tokens", "answers", "valid_answers"):
+        count = getattr(usage, name)
+        if not isinstance(count, int) or not 0 <= count <= _MOST_COUNTED:
+            return f"`usage.{name}` is no number from 0 to {_MOST_COUNTED:,}"
+    if not isinstance(usage.cost_usd, int | float) or not 0.0 <= usage.cost_usd <= _MOST_USD:
+        return f"`usage.cost_usd` is no number from 0 to {_MOST_USD:,.0f}"
+    return ""

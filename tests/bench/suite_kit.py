@@ -13,7 +13,7 @@ from lingjing.bench.leaderboard import OPEN, leaderboard, ranking
 from lingjing.bench.money import estimates
 from lingjing.bench.parquet import encode_rows, read_rows
 from lingjing.bench.planning import SuiteCell, SuitePlan, read_plan
-from lingjing.bench.rows import SuiteRow, code_sha256
+from lingjing.bench.rows import SuiteRow, code_sha256, without_places
 from lingjing.bench.running import Shard, SuiteEpisode, SuiteRun
 from lingjing.bench.suite import find_suite, shipped_suites
 from lingjing.bench.tables import TABLES, make_tables
@@ -25,6 +25,7 @@ __all__ = [
     "Shard", "SuiteCell", "SuiteEpisode", "SuitePlan", "SuiteRow", "SuiteRun", "answered", "audit_file", "audit_marks",
     "code_sha256", "encode_rows", "estimates", "find_suite", "leaderboard", "made_row", "make_tables", "open_results",
     "ranking", "read_audit", "read_plan", "read_results", "read_rows", "row_faults", "row_sha256", "shipped_suites",
+    "without_places",
 ]  # fmt: skip
 
 SMALL = """

@@ -8,17 +8,18 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import pytest
 
 import lingjing
-from lingjing.bench.auditing import Auditor
+from lingjing.bench.auditing import Audit, Auditor, _rules_fault
 from lingjing.bench.merging import merge_rows
 from lingjing.bench.version import benchmark_version
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, UsageError
-from lingjing.testing import run_command
+from lingjing.testing import compiled, instantiate, run_command
 from tests.bench.suite_kit import (
     RESULTS,
     TRIP,
@@ -33,6 +34,7 @@ from tests.bench.suite_kit import (
     read_results,
     row_faults,
     row_sha256,
+    without_places,
 )
 from tools.python_forks import run_python
 
@@ -78,6 +80,13 @@ def of_idle(row: SuiteRow, **changes: object) -> SuiteRow:
     return msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, **changes))
 
 
+def with_options(row: SuiteRow, **changes: object) -> SuiteRow:
+    """Change the options of the rows of `idle`."""
+    if row.entrant != "idle":
+        return row
+    return msgspec.structs.replace(row, options=msgspec.structs.replace(row.options, **changes))
+
+
 def audited(folder: Path, capsys: pytest.CaptureFixture[str], *more: str) -> tuple[int, str]:
     code = run_command(["bench", "audit", str(folder), "--sample-seed", "1", *more])
     return code, capsys.readouterr().out
@@ -92,7 +101,8 @@ def test_honest_rows_are_confirmed(results: Path, played: Path, capsys: pytest.C
     assert "audited: 6 of 6 rows, 3 of them replayed; 0 wrong" in out
     assert "not checked: 6 rows: its instance, without the published salt" in out
     code, out = audited(results, capsys, "--salt", str(played / "split.salt"))
-    assert (code, "not checked" in out) == (ExitCode.OK, False), out
+    assert (code, out.count("not checked")) == (ExitCode.OK, 1), out
+    assert "not checked: 6 rows: its rules: its mission is not shipped" in out
     assert "6 of 6 rows, 1 of them replayed" in out
 
 
@@ -135,6 +145,11 @@ def test_a_sealed_split_draws_other_instances_and_names_its_salt(
             lambda row: msgspec.structs.replace(row, options=msgspec.structs.replace(row.options, isolate="yes")),
             "its walls is not that of its trace",
         ),
+        (lambda row: with_options(row, seed=7), "its option seed is not that of its trace"),
+        (lambda row: with_options(row, policy_seed=7), "its option policy_seed is not that of its trace"),
+        (lambda row: with_options(row, mode="star"), "its option mode is not that of its trace"),
+        (lambda row: with_options(row, policy="heuristic"), "its option policy is not that of its trace"),
+        (lambda row: of_idle(row, policy="heuristic"), "its reported policy is not that of its trace"),
     ],
 )  # fmt: skip
 def test_an_edited_row_is_found(
@@ -177,6 +192,31 @@ def test_rows_without_traces_are_named_as_unchecked(results: Path, capsys: pytes
     code, out = audited(results, capsys)
     assert code == ExitCode.OK
     assert "not checked: 3 rows: its trace was not kept" in out and "audited: 3 of 6 rows" in out
+
+
+def test_a_row_of_other_code_is_confirmed_by_its_own_replay_only(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rewrite(results, lambda row: msgspec.structs.replace(row, harness="e" * 64))
+    code, out = audited(results, capsys)
+    assert code == ExitCode.OK
+    assert "audited: 1 of 6 rows, 1 of them replayed; 0 wrong" in out
+    assert "not checked: 5 rows: it was played with other code" in out
+    assert "audited: 6 of 6 rows, 6 of them replayed" in audited(results, capsys, "--share", "1")[1]
+
+
+@pytest.mark.parametrize("tier", [0, 1])
+def test_other_rules_than_those_of_the_shipped_mission_are_found(tier: int) -> None:
+    played = instantiate(compiled("bi"), seed=3, tier=tier)
+    row = made_row(mission="bi", mode=played.mode)
+
+    def fault(instance: object) -> str:
+        return _rules_fault(row, SimpleNamespace(header=SimpleNamespace(instance=instance)), Audit())  # type: ignore[arg-type]
+
+    assert fault(played) == ""
+    easy = msgspec.structs.replace(played.budget, ticks=played.budget.ticks + 1)
+    assert fault(msgspec.structs.replace(played, budget=easy)) == "its budget is not that of the shipped mission"
+    assert "rules is not that" in fault(msgspec.structs.replace(played, rules=played.rules[:-1]))
 
 
 CHEAT = """
@@ -317,6 +357,17 @@ def test_the_page_shows_differing_options_and_endpoints() -> None:
     ]
     page = leaderboard(rows)
     assert "images=4, isolate: yes" in page and "http://one.example/v1" in page and "blank_pictures: True" in page
+
+
+def test_the_options_of_a_row_name_no_folder() -> None:
+    options = msgspec.structs.replace(
+        made_row().options, policy="/home/ada/entry.py:Agent", policies_for={"pilot": "../pilot.py:P", "dog": "random"},
+        salt="/secret/salt", ledger="/tmp/l", calls_from="/runs/1",
+    )  # fmt: skip
+    stored = without_places(options)
+    assert stored.policy == "entry.py:Agent"
+    assert stored.policies_for == {"pilot": "pilot.py:P", "dog": "random"}
+    assert "/" not in stored.salt + stored.ledger + stored.calls_from
 
 
 def test_an_edit_changes_the_hash_of_a_row() -> None:

@@ -16,7 +16,7 @@ import pytest
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.barrier import AgentThread, PolicyBarrier
 from lingjing.kernel.sequential import SequentialPolicies
-from lingjing.trace.records import Decision
+from lingjing.trace.records import Decision, Usage
 
 
 async def _answer() -> int:
@@ -120,3 +120,29 @@ def test_an_outage_that_a_policy_reports_ends_an_episode_only_if_confirmed(kind:
     with pytest.raises(InfrastructureError, match="gone indeed"):
         confirmed.act(inputs)
     confirmed.close()
+
+
+@pytest.mark.parametrize(
+    ("usage", "reason"),
+    [
+        (Usage(calls=3, prompt_tokens=10**9, cost_usd=0.25), ""),
+        (Usage(prompt_tokens=2**62), "`usage.prompt_tokens` is no number from 0 to 1,000,000,000"),
+        (Usage(calls=-1), "`usage.calls` is no number from 0"),
+        (Usage(cost_usd=-5.0), "`usage.cost_usd` is no number from 0 to 10,000"),
+        (Usage(cost_usd=float("nan")), "`usage.cost_usd` is no number"),
+        (Usage(completion_tokens="many"), "`usage.completion_tokens` is no number"),  # type: ignore[arg-type]
+    ],
+)
+def test_a_decision_with_an_impossible_consumption_is_malformed(usage: Usage, reason: str) -> None:
+    class Spending:
+        async def act(self, observation: object, inbox: object) -> Decision:
+            return Decision(usage=usage)
+
+    barrier = PolicyBarrier({"a": Spending()}, 600.0)  # type: ignore[dict-item]
+    try:
+        (record,) = barrier.act({"a": (None, None)})  # type: ignore[dict-item]
+    finally:
+        barrier.close()
+    assert record.substituted == ("malformed" if reason else "")
+    assert record.detail.startswith(reason)
+    assert record.decision.usage == (None if reason else usage)

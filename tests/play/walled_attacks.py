@@ -372,6 +372,20 @@ def pages_in_memory(config):
 
 
 @attack
+def pages_mapped_by_others(config):
+    with open(json.__file__, "rb") as file, mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ) as pages:
+        start = np.frombuffer(pages, np.uint8).ctypes.data
+        with open("/proc/self/pagemap", "rb") as table:
+            table.seek(8 * (start // mmap.PAGESIZE))
+            return found(len(table.read(8)) == 8)
+
+
+@attack
+def bytes_that_were_read(config):
+    return found("read_bytes" in Path("/proc/self/io").read_text())
+
+
+@attack
 def newer_calls(config):
     """`cachestat` of Linux 6.5, which counts the pages of a file in memory."""
     with open(json.__file__, "rb") as file:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import threading
 
+import msgspec
+
 from lingjing.decoding import MsgpackDecoder, msgpack_decoder
 from lingjing.errors import LingjingError
 from lingjing.play.policy_processes.messages import (
@@ -28,6 +30,10 @@ from lingjing.trace.calls import CallRequest, CallResult
 
 _REQUESTS: MsgpackDecoder[ModelCallRequest] = msgpack_decoder(ModelCallRequest)
 _ANSWERS: MsgpackDecoder[ModelCallAnswer] = msgpack_decoder(ModelCallAnswer)
+
+_MOST_COUNTED, _MOST_USD = 1_000_000_000, 1_000_000.0
+"""The highest tick, number, tokens or attempts of a call, and its highest price in US dollars (chosen; they fit the
+record's 64 bits)."""
 
 ENDED = "the policy's process was ended while it waited"
 """The failure of a call that was open when its process was ended."""
@@ -71,10 +77,14 @@ class ModelCallService:
     def __init__(self, calls: ModelCalls) -> None:
         self._calls = calls
         self._open: dict[tuple[int, int], CallRequest] = {}
+        self._begun: set[tuple[int, int]] = set()
 
     def answer(self, payload: bytes | bytearray) -> bytes:
-        """Return the answer to one request. Raises `msgspec.MsgspecError` for an invalid request."""
+        """Return the answer to one request. Raises `msgspec.MsgspecError` for an invalid request: one that cannot be
+        decoded, has impossible numbers, or begins a call again.
+        """
         request = _REQUESTS.decode(payload)
+        self._check(request)
         try:
             if isinstance(request, BeginModelCall):
                 return encoded(self._begin(request.request))
@@ -84,6 +94,25 @@ class ModelCallService:
         except LingjingError as error:
             return encoded(raised(error))
         return encoded(ModelCallKnown())
+
+    def _check(self, message: ModelCallRequest) -> None:
+        request, place = message.request, (message.request.tick, message.request.number)
+        if not all(-1 <= number <= _MOST_COUNTED for number in place):
+            raise msgspec.ValidationError(f"a model call at tick {request.tick} with the number {request.number}")
+        costs = [request.most_usd]
+        counts = [request.most_tokens]
+        if isinstance(message, EndModelCall):
+            result = message.result
+            costs += [result.cost_usd, result.unknown_usd]
+            counts += [result.prompt_tokens, result.completion_tokens, result.cached_tokens, result.attempts]
+        elif place in self._begun:
+            raise msgspec.ValidationError(f"model call {request.number} at tick {request.tick} was begun before")
+        else:
+            self._begun.add(place)
+        if not all(cost is None or 0.0 <= cost <= _MOST_USD for cost in costs):
+            raise msgspec.ValidationError("a model call with an impossible price")
+        if not all(0 <= count <= _MOST_COUNTED for count in counts):
+            raise msgspec.ValidationError("a model call with an impossible number of tokens or attempts")
 
     def give_up(self) -> None:
         """Record every open call as abandoned. Its cost counts in full, because it may be billed."""

@@ -24,7 +24,7 @@ SCRATCH_FILES = 4096
 """The most files of the scratch folder. Chosen."""
 
 _RECURSIVE, _PRIVATE = 0x4000, 0x40000
-_NO_SET_USER_ID, _NO_DEVICES, _NO_PROGRAMS = 0x2, 0x4, 0x8
+_NO_SET_USER_ID, _NO_DEVICES = 0x2, 0x4
 """`MS_…` of linux/mount.h."""
 _DETACH = 0x2
 """`MNT_DETACH` of umount2(2)."""
@@ -76,9 +76,7 @@ def enter_own_root(readable: Iterable[str], folder: str) -> None:
     for path, real in named:
         if path != real:
             _link(path[1:], real)
-    os.makedirs("proc", exist_ok=True)  # noqa: PTH103
-    with contextlib.suppress(OSError):  # refused where the outer one is covered in part, as in some containers
-        _mount("proc", "proc", "proc", _NO_SET_USER_ID | _NO_DEVICES | _NO_PROGRAMS, "subset=pid")
+    # No `/proc`: a process's `pagemap` and `io` tell it which files other agents, and earlier ones, have read.
     with contextlib.suppress(OSError):
         os.makedirs(folder.lstrip("/"), exist_ok=True)  # noqa: PTH103
     call("pivot_root", b".", b".")
