@@ -20,7 +20,7 @@ PROMISES: Mapping[str, tuple[tuple[Guard, ...], ...]] = {
     "no memory of other processes": (("pid-namespace",), ("landlock",), ("seccomp",)),
     "no names of other processes": (("pid-namespace", "mounts"), ("landlock",)),
     "no shared memory and no message queues": (("seccomp",), ("ipc-namespace", "mounts")),
-    "no marks on files that other agents see": (("seccomp",),),
+    "no marks on files that other agents see": (("seccomp", "mounts"), ("seccomp", "landlock")),
     "no processes of its own": (("seccomp",),),
     "a limited number of threads": (("own-user",),),
 }
