@@ -58,18 +58,22 @@ def test_the_evaluated_model_plays_and_the_log_has_its_calls_and_the_engines_sco
 
 
 def test_any_inspect_agent_can_answer_and_a_failed_call_is_repeated(mission: str, tmp_path: Path) -> None:
+    """The agent sends the boat to the swimmer with its first answer, and fails at its second call."""
     from inspect_ai.agent import Agent, AgentState, agent
     from inspect_ai.model import ModelOutput
 
-    lengths: list[int] = []
+    requests: list[list[tuple[str, str]]] = []
+    sailing = {"verb": "moveTo", "arguments": {"x": 12.4, "y": -1299.8}}
 
     @agent
     def scripted() -> Agent:
         async def execute(state: AgentState) -> AgentState:
-            lengths.append(len(state.messages))
-            if len(lengths) == 2:
+            requests.append([(message.role, message.text) for message in state.messages])
+            number = len(requests)
+            if number == 2:
                 raise ValueError("no idea")
-            state.output = ModelOutput.from_content("none", NOOP)
+            answer = {"thought": f"answer {number}", "command": sailing if number == 1 else None, "messages": []}
+            state.output = ModelOutput.from_content("none", json.dumps(answer))
             return state
 
         return execute
@@ -77,7 +81,20 @@ def test_any_inspect_agent_can_answer_and_a_failed_call_is_repeated(mission: str
     log = evaluated(task(mission=mission, seeds="0-0", respondent=scripted(), out=str(tmp_path / "runs")), tmp_path, [])
     assert log.status == "success", log.error
     trace = lingjing.read(tmp_path / "runs" / log.samples[0].id / "trace.mcap")
-    assert trace.outcome is not None and len(lengths) == trace.outcome.ticks + 1, "the failed call is tried again"
+    assert trace.outcome is not None and trace.outcome.success
+    assert len(requests) == trace.outcome.ticks + 1 == 3
+    assert [[role for role, _ in request] for request in requests[:2]] == [
+        ["system", "user"], ["system", "user", "assistant", "user"],
+    ]  # fmt: skip
+    assert [json.loads(request[-1][1])["tick"] for request in requests[:2]] == [0, 1]
+    assert requests[2] == requests[1], "the failed request is sent again"
+    decisions = [record for boundary in trace.boundaries for record in boundary.decisions]
+    assert [record.decision.thought for record in decisions] == ["answer 1", "answer 3"]
+    assert [record.substituted for record in decisions] == ["", ""]
+    commands = [command for boundary in trace.boundaries for command in boundary.commands]
+    assert [(command.verb, command.resource) for command in commands if command.origin == "agent"] == [
+        ("moveTo", "boat")
+    ]
 
 
 @pytest.mark.timeout(120)
