@@ -115,7 +115,7 @@ def player() -> type[EngineRun]:
 
 @pytest.fixture(scope="session")
 def endless(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The sea rescue with more ticks than anybody will wait for: it is in the middle whenever it is looked at."""
+    """The file of a sea rescue with a million ticks: a test ends its episode before they are over."""
     text = mission_file("ssr").read_text(encoding="utf-8")
     assert "ticks <= 60," in text
     path = tmp_path_factory.mktemp("endless") / "ssr.ljs"
@@ -125,7 +125,9 @@ def endless(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def descendants() -> Callable[[int], set[int]]:
-    """Tells the ids of the processes below one, whoever started them, from /proc."""
+    """A function that reads from /proc the ids of all processes below a process: its children, their children, and so
+    on.
+    """
 
     def below(pid: int) -> set[int]:
         children: dict[int, list[int]] = {}
@@ -136,11 +138,11 @@ def descendants() -> Callable[[int], set[int]]:
                 except (OSError, ValueError):
                     continue
                 children.setdefault(parent, []).append(int(entry.name))
-        found: set[int] = set()
+        ids: set[int] = set()
         frontier = [pid]
         while frontier:
-            frontier = [child for parent in frontier for child in children.get(parent, []) if child not in found]
-            found.update(frontier)
-        return found
+            frontier = [child for parent in frontier for child in children.get(parent, []) if child not in ids]
+            ids.update(frontier)
+        return ids
 
     return below
