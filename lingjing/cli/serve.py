@@ -63,6 +63,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--open-to-network", action="store_true", help="listen at an address of a network without a token"
     )
     parser.add_argument("-o", "--output", metavar="DIR", help="a new or empty folder (default: a new one in runs/)")
+    parser.add_argument("--no-overview", action="store_true", help="do not draw overview.png (it takes a few seconds)")
     parser.add_argument("--world", choices=("process", "inline"), default="process", help=argparse.SUPPRESS)
     serve_engines.add_options(parser)
 
@@ -102,6 +103,7 @@ def _serve_airsim(args: argparse.Namespace) -> int:
         settings=parse_settings(parse_pairs("--set", args.set), mission),
         world=args.world,
         calls="live",
+        overview=not args.no_overview,
     )
     folder = Path(args.output) if args.output else None
     serving = Serving(

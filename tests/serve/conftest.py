@@ -36,11 +36,12 @@ Serve = Callable[..., Served]
 def serve(tmp_path: Path) -> Iterator[Serve]:
     started: list[PipedFork] = []
 
-    def start(*options: str) -> Served:
+    def start(*options: str, overview: bool = False) -> Served:
         folder = tmp_path / f"run{len(started)}"
         command = [
             sys.executable, "-m", "lingjing.cli.main", "serve", "--airsim", *options,
             "--port", "0", "--once", "--pace", "wait", "--world", "inline", "-o", str(folder),
+            *(() if overview else ("--no-overview",)),
         ]  # fmt: skip
         process = PipedFork(command, cwd=tmp_path)
         started.append(process)

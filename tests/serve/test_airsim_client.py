@@ -93,6 +93,15 @@ def test_a_drone_takes_off_hovers_turns_and_lands_and_the_trace_replays(serve: S
     assert run_command(["replay", str(trace.path)]) == 0
 
 
+@pytest.mark.parametrize("overview", [True, False])
+def test_an_overview_is_drawn_unless_an_option_prevents_it(serve: Serve, overview: bool) -> None:
+    served = serve("--scene", "bay", overview=overview)
+    client = connected(served)
+    leave(client)
+    assert served.finish().complete
+    assert (served.folder / "overview.png").is_file() is overview
+
+
 def test_velocities_and_paths_are_north_east_down(serve: Serve) -> None:
     served = serve("--scene", "bay")
     client = connected(served)

@@ -126,7 +126,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder: Path = tmp_path_factory.mktemp("served")
     command = [
         sys.executable, "-m", "lingjing.cli.main", "serve", "--airsim", "--scene", "bay", "--port", "0", "--once",
-        "--pace", "wait", "--world", "inline", "-o", str(folder / "run"),
+        "--pace", "wait", "--world", "inline", "-o", str(folder / "run"), "--no-overview",
     ]  # fmt: skip
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

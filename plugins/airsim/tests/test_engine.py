@@ -34,7 +34,7 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     command = [
         sys.executable, "-m", "lingjing.cli.main", "serve", "--airsim", "--scene", "bay", "--drones", "2",
         "--port", "0", "--tick", "250", "--pace", "wait", "--world", "inline",
-        "-o", str(tmp_path_factory.mktemp("served") / "run"),
+        "-o", str(tmp_path_factory.mktemp("served") / "run"), "--no-overview",
     ]  # fmt: skip
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         assert process.stdout is not None
@@ -59,7 +59,7 @@ def at_port(case: EngineCase, port: int) -> EngineCase:
 
 
 @pytest.mark.parametrize("check", ENGINE_CHECKS, ids=check_name)
-def test_the_engine_conforms(case: EngineCase, check: Callable[[EngineCase], None]) -> None:
+def test_the_engine_conforms_to_the_contract(case: EngineCase, check: Callable[[EngineCase], None]) -> None:
     check(case)
 
 
