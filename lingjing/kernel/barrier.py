@@ -344,6 +344,7 @@ def _usage_fault(usage: Usage) -> str:
         count = getattr(usage, name)
         if not isinstance(count, int) or not 0 <= count <= _MOST_COUNTED:
             return f"`usage.{name}` is no number from 0 to {_MOST_COUNTED:,}"
-    if not isinstance(usage.cost_usd, int | float) or not 0.0 <= usage.cost_usd <= _MOST_USD:
+    cost: object = usage.cost_usd  # nothing has checked the types of a policy in this process
+    if not isinstance(cost, int | float) or not 0.0 <= cost <= _MOST_USD:
         return f"`usage.cost_usd` is no number from 0 to {_MOST_USD:,.0f}"
     return ""
