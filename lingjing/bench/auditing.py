@@ -192,12 +192,11 @@ class Auditor:
             audit.replayed += 1
             self.tell(f"{named(row)}: confirmed by a replay")
             return
+        del audit.marks[row_sha256(row)]
         if row.harness != self.code:
-            del audit.marks[row_sha256(row)]
             audit.unchecked["its replay: it was played with other code, and differs here"] += 1
             self.tell(f"{named(row)}: differs in a replay with other code")
             return
-        del audit.marks[row_sha256(row)]
         difference = replayed.difference
         where = "it has no end" if difference is None else f"`{difference.field}` at boundary {difference.boundary}"
         audit.findings.append(Finding(row, f"a replay differs from its trace: {where}"))
@@ -247,10 +246,13 @@ def _rules_fault(row: SuiteRow, trace: Trace, audit: Audit) -> str:
     if options.scene:
         audit.unchecked["its rules: it was played in another city"] += 1
         return ""
-    drawn = instantiate(
-        _shipped(row.mission), seed=played.seed, mode=played.mode, settings=options.settings, tier=played.tier,
-        language=played.language,
-    )  # fmt: skip
+    try:
+        drawn = instantiate(
+            _shipped(row.mission), seed=played.seed, mode=played.mode, settings=options.settings, tier=played.tier,
+            language=played.language,
+        )  # fmt: skip
+    except LingjingError as error:
+        return f"the shipped mission gives no such instance: {error}"
     for name in _RULES:
         if getattr(drawn, name) != getattr(played, name):
             return f"its {name} is not that of the shipped mission"

@@ -210,13 +210,15 @@ def test_other_rules_than_those_of_the_shipped_mission_are_found(tier: int) -> N
     played = instantiate(compiled("bi"), seed=3, tier=tier)
     row = made_row(mission="bi", mode=played.mode)
 
-    def fault(instance: object) -> str:
+    def fault(instance: object, row: SuiteRow = row) -> str:
         return _rules_fault(row, SimpleNamespace(header=SimpleNamespace(instance=instance)), Audit())  # type: ignore[arg-type]
 
     assert fault(played) == ""
     easy = msgspec.structs.replace(played.budget, ticks=played.budget.ticks + 1)
     assert fault(msgspec.structs.replace(played, budget=easy)) == "its budget is not that of the shipped mission"
     assert "rules is not that" in fault(msgspec.structs.replace(played, rules=played.rules[:-1]))
+    unknown = msgspec.structs.replace(row, options=msgspec.structs.replace(row.options, settings={"ease": 1.0}))
+    assert fault(played, unknown).startswith("the shipped mission gives no such instance: ")
 
 
 CHEAT = """

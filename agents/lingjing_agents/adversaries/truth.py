@@ -114,16 +114,16 @@ class SeedGuesser:
         for world in self._worlds:
             world.look(observation)
         self._worlds = [world for world in self._worlds if world.fits]
-        if (self._best if self._worlds else None) is not self._chosen:
+        if self._best is not self._chosen:
             await self._choose()
         return await self._policy.act(observation, inbox)
 
     @property
-    def _best(self) -> Shadow:
-        return min(self._worlds, key=lambda world: world.unlike)
+    def _best(self) -> Shadow | None:
+        return min(self._worlds, key=lambda world: world.unlike, default=None)
 
     async def _choose(self) -> None:
-        self._chosen = self._best if self._worlds else None
+        self._chosen = self._best
         self._policy: Policy = Blind() if self._chosen is None else self._chosen.player(self._brief)
         await self._policy.reset(self._brief)
 

@@ -61,7 +61,7 @@ def _of_nature(group: GroupInfo, decl: TypeDecl, declared: set[str]) -> set[str]
 
 
 def stored_name(name: str, known: PropertyType) -> str:
-    """The name of a property in a mission, with the suffix of its unit."""
+    """Return the name of a property in a compiled mission, which ends in the suffix of its unit."""
     return name + (suffix_of(known.type.dimension) if known.type.kind == "quantity" else "")
 
 
