@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import msgspec
 
 from lingjing.bench.evidence import AuditMark, AuditRecord, named, row_faults, row_sha256
-from lingjing.bench.rows import SuiteRow, without_folder
+from lingjing.bench.rows import SuiteRow, code_sha256
+from lingjing.bench.suite import find_suite, mission_files_of, shipped_suites
+from lingjing.bench.version import benchmark_version
 from lingjing.causal.replay import replay
 from lingjing.decoding import from_json
 from lingjing.dsl.loading.load import load_mission
@@ -25,7 +27,8 @@ from lingjing.errors import LingjingError
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.mission.salts import Salt, public_seed, salt_fault
-from lingjing.play.report import EpisodeReport, report_of
+from lingjing.play.options import deciding_options, without_folder
+from lingjing.play.report import ABORTED, EpisodeReport, report_of
 from lingjing.trace.call_store import CALLS_NAME, CallReader
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.seal_check import last_chain
@@ -38,7 +41,10 @@ NOT_KEPT = "its trace was not kept (`bench --keep` keeps traces)"
 REMOVED = "its trace was removed"
 NO_TRACE = "its episode has no trace: the policy failed before it began"
 OTHER_CODE = "it was played with other code, so that only its own replay confirms it (--share 1)"
-NOT_SHIPPED = "its rules: its mission is not shipped, so another one of the same name is not found"
+NOT_SHIPPED = "its rules, except against other rows: its mission is not shipped (--suite FILE)"
+OTHER_CITY = "its rules, except against other rows: it was played in another city"
+OLDER_TRACE = "its options such as `blank_pictures`: its trace is from before traces had them"
+OTHER_MISSIONS = "its versions of the benchmark and of the code: they are not those of a shipped suite (--suite FILE)"
 """The reasons for which a row cannot be checked, or not wholly."""
 
 _COMPARED = ("mission", "mode", "seed", "policy_seed", "tier", "language", "success", "reason", "scr", "score", "ticks",
@@ -80,7 +86,7 @@ class Audit:
         )
 
 
-@dataclass(slots=True)
+@dataclass
 class Auditor:
     """Audits the rows of one results folder."""
 
@@ -94,16 +100,23 @@ class Auditor:
     """The seed of the sample; None for one that cannot be foreseen."""
     salt: Salt | None = None
     """The published salt of a sealed split; None to leave it unchecked."""
+    suite: Path | None = None
+    """The suite's file; None for the shipped suite of that name."""
     tell: Callable[[str], None] = field(default=lambda line: None)
     """Receives a line for each checked row."""
+    _rules: dict[tuple[object, ...], tuple[SuiteRow, dict[str, object]]] = field(default_factory=dict)
+    """The first row of each instance without a known mission, with its rules."""
 
     def audit(self, rows: Sequence[SuiteRow]) -> Audit:
-        """Audit the rows. Aborted tries hold no result and are left out."""
+        """Audit the rows. Of aborted tries, which hold no result, only a trace that has one is a finding."""
         audit = Audit()
         counted = [row for row in rows if row.standing == "counted"]
-        for place in self._repeated_traces(counted):
-            audit.findings.append(place)
-        confirmed = [row for row in counted if self._check(row, audit)]
+        audit.findings += self._repeated_traces(counted)
+        audit.findings += self._finished_aborts(rows)
+        audit.findings += self._other_versions(counted, audit)
+        for row in counted:
+            self._check(row, audit)
+        confirmed = [row for row in counted if row_sha256(row) in audit.marks]
         audit.checked = len(confirmed)
         for row in self._sample(confirmed):
             self._replay(row, audit)
@@ -120,10 +133,45 @@ class Auditor:
             if row.seal and first.setdefault(row.seal, row) is not row:
                 yield Finding(row, f"its trace is that of {named(first[row.seal])}")
 
-    def _check(self, row: SuiteRow, audit: Audit) -> bool:
-        """Check one row without a replay. Returns True if its trace confirms it."""
+    @cached_property
+    def _missions(self) -> dict[str, Path]:
+        """The mission files of the named suite, by the names of the missions."""
+        files = mission_files_of(self.suite) if self.suite is not None else ()
+        return {_loaded(file).name: file for file in files}
+
+    def _finished_aborts(self, rows: Sequence[SuiteRow]) -> Iterator[Finding]:
+        """Yield a finding for each aborted try that contradicts itself, or that has a trace with a result."""
+        for row in rows:
+            if row.standing == "counted":
+                continue
+            path = self.folder / row.report.trace
+            try:
+                outcome = read_trace(path).outcome if row.report.trace and path.is_file() else None
+            except LingjingError:
+                outcome = None
+            fault = next(row_faults(row), "")
+            if not fault and outcome is not None and outcome.reason != ABORTED:
+                fault = f"it is {row.standing}, and its trace ends with `{outcome.reason}`"
+            if fault:
+                yield Finding(row, fault)
+
+    def _other_versions(self, rows: Sequence[SuiteRow], audit: Audit) -> Iterator[Finding]:
+        """Yield a finding for each row of this code with versions that its suite's missions do not give."""
+        for suite, own in _by(rows, lambda row: row.suite):
+            files = list(self._missions.values()) or _shipped_files(suite)
+            versions = benchmark_version(files), code_sha256(files)
+            for row in own:
+                if row.harness != self.code or (row.benchmark, row.code) == versions:
+                    continue
+                if self.suite is not None:
+                    yield Finding(row, "its version of the benchmark or of the code is not that of its suite")
+                else:
+                    audit.unchecked[OTHER_MISSIONS] += 1
+
+    def _check(self, row: SuiteRow, audit: Audit) -> None:
+        """Check one row without a replay, and mark it if its trace confirms it."""
         if any(finding.row is row for finding in audit.findings):
-            return False
+            return
         fault = next(row_faults(row), "")
         path = self.folder / row.report.trace
         if not fault and not row.report.trace:
@@ -140,7 +188,6 @@ class Auditor:
         else:
             audit.marks[row_sha256(row)] = "checked"
         self.tell(f"{named(row)}: {fault or reason or 'confirmed by its trace'}")
-        return not fault and not reason
 
     def _trace_fault(self, row: SuiteRow, path: Path, audit: Audit) -> str:
         """Return the first difference between a row and its trace; "" if there is none."""
@@ -155,11 +202,41 @@ class Auditor:
             return f"its trace cannot be read: {error}"
         return (
             _header_fault(row, trace)
-            or _rules_fault(row, trace, audit)
+            or _options_fault(row, trace, audit)
+            or self._rules_fault(row, trace, audit)
             or _report_fault(row.report, report_of(trace, row.report.policy))
             or self._split_fault(row, trace, audit)
             or _calls_fault(row, path.parent, audit)
         )
+
+    def _rules_fault(self, row: SuiteRow, trace: Trace, audit: Audit) -> str:
+        """Return the first difference between the rules in a trace and those that its mission gives.
+
+        Without the mission's file they are compared with those of the other rows of the same instance.
+        """
+        played, options = trace.header.instance, row.options
+        file = self._missions.get(row.mission)
+        if file is None and row.mission in shipped_missions():
+            file = find_mission(row.mission)
+        if file is None or options.scene:
+            audit.unchecked[OTHER_CITY if options.scene else NOT_SHIPPED] += 1
+            rules = {name: getattr(played, name) for name in _RULES}
+            key = (row.mission, row.mode, row.tier, row.language, row.split_sha256, row.seed, options.scene,
+                   tuple(sorted(options.settings.items())))  # fmt: skip
+            first, theirs = self._rules.setdefault(key, (row, rules))
+            name = next((name for name in _RULES if rules[name] != theirs[name]), "")
+            if name and audit.marks.pop(row_sha256(first), None) is not None:  # which of them is right is not known
+                audit.findings.append(Finding(first, f"its {name} is not that of {named(row)}"))
+            return f"its {name} is not that of {named(first)}" if name else ""
+        try:
+            drawn = instantiate(
+                _loaded(file), seed=played.seed, mode=played.mode, settings=options.settings, tier=played.tier,
+                language=played.language,
+            )  # fmt: skip
+        except LingjingError as error:
+            return f"its mission gives no such instance: {error}"
+        name = next((name for name in _RULES if getattr(drawn, name) != getattr(played, name)), "")
+        return f"its {name} is not that of its mission" if name else ""
 
     def _split_fault(self, row: SuiteRow, trace: Trace, audit: Audit) -> str:
         """Return the fault of the instance of a sealed split."""
@@ -225,11 +302,32 @@ def _header_fault(row: SuiteRow, trace: Trace) -> str:
     for name, (claimed, recorded) in played.items():
         if claimed != recorded:
             return f"its {name} is not that of its trace ({recorded})"
-    unlisted = {name: value for binding in header.bindings for name, value in binding.arguments.items()}
-    for name, value in unlisted.items():
+    arguments = {name: value for binding in header.bindings for name, value in binding.arguments.items()}
+    for name, value in arguments.items():
         if name in options.policy_args and options.policy_args[name] != value:
             return f"its option `{name}` is not that of its trace"
     return ""
+
+
+def _options_fault(row: SuiteRow, trace: Trace, audit: Audit) -> str:
+    """Return the first option of a row that is not that of its trace."""
+    recorded = trace.header.options
+    if recorded is None:
+        audit.unchecked[OLDER_TRACE] += 1
+        return ""
+    claimed = deciding_options(row.options)
+    for name in sorted(claimed.keys() | recorded.keys()):
+        if claimed.get(name) != recorded.get(name):
+            return f"its option `{name}` is not that of its trace"
+    return ""
+
+
+def _by(rows: Iterable[SuiteRow], key: Callable[[SuiteRow], str]) -> list[tuple[str, list[SuiteRow]]]:
+    """Return the rows in groups with equal keys, in the order of their first rows."""
+    groups: dict[str, list[SuiteRow]] = {}
+    for row in rows:
+        groups.setdefault(key(row), []).append(row)
+    return list(groups.items())
 
 
 _RULES = ("goal", "settings", "clock", "budget", "agents", "messages", "comms", "rules", "unlocks", "stages",
@@ -237,31 +335,16 @@ _RULES = ("goal", "settings", "clock", "budget", "agents", "messages", "comms", 
 """The fields of an instance that follow from mission, seed, mode, tier and settings alone, and decide the outcome."""
 
 
-def _rules_fault(row: SuiteRow, trace: Trace, audit: Audit) -> str:
-    """Return the first difference between the rules in a trace and those that the shipped mission gives."""
-    if row.mission not in shipped_missions():
-        audit.unchecked[NOT_SHIPPED] += 1
-        return ""
-    played, options = trace.header.instance, row.options
-    if options.scene:
-        audit.unchecked["its rules: it was played in another city"] += 1
-        return ""
-    try:
-        drawn = instantiate(
-            _shipped(row.mission), seed=played.seed, mode=played.mode, settings=options.settings, tier=played.tier,
-            language=played.language,
-        )  # fmt: skip
-    except LingjingError as error:
-        return f"the shipped mission gives no such instance: {error}"
-    for name in _RULES:
-        if getattr(drawn, name) != getattr(played, name):
-            return f"its {name} is not that of the shipped mission"
-    return ""
-
-
 @cache
-def _shipped(name: str) -> Mission:
-    return load_mission(find_mission(name))
+def _loaded(file: Path) -> Mission:
+    return load_mission(file)
+
+
+def _shipped_files(suite: str) -> list[Path]:
+    """Return the mission files of a shipped suite; none for another suite."""
+    if suite not in shipped_suites():
+        return []
+    return mission_files_of(find_suite(suite))
 
 
 def _report_fault(claimed: EpisodeReport, scored: EpisodeReport) -> str:

@@ -19,6 +19,7 @@ import msgspec
 from lingjing.bench.rows import SuiteRow
 from lingjing.decoding import from_json
 from lingjing.errors import LingjingError, UsageError
+from lingjing.play.report import ABORTED, INTERRUPTED
 
 AuditMark = Literal["checked", "replayed"]
 """`checked`: the kept trace confirms the row. `replayed`: fresh engines confirm the trace too."""
@@ -71,6 +72,8 @@ def row_faults(row: SuiteRow) -> Iterator[str]:
         yield "it counts as a success that held before any agent acted: its mission asks for nothing (LJ0510)"
     if report.success and report.reason != "success":
         yield f"it counts as a success, and its reason is `{report.reason}`"
+    if (row.standing == "counted") == (report.reason in (ABORTED, INTERRUPTED)):
+        yield f"it is {row.standing}, and its reason is `{report.reason}`"
     if report.seed != row.seed:
         yield f"its seed is {row.seed}, and that of its report {report.seed}"
 

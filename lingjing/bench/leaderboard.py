@@ -16,7 +16,11 @@ from lingjing.bench.unresolved import open_rows, unresolved_entrants
 from lingjing.play.options import PlayOptions
 
 UNRANKED = "not ranked: some columns were not played"
-OPEN = "not ranked: episodes were lost, or played again after an abort that the entrant may have caused"
+OPEN = (
+    "not ranked: episodes were lost, or aborted without a later result, or played again after an abort that the "
+    "entrant may have caused"
+)
+FEWER = "not ranked: some seeds that others have played are missing"
 SHOWN = "not ranked: observes the ground truth"
 
 
@@ -31,30 +35,52 @@ def leaderboard(rows: Sequence[SuiteRow], marks: Mapping[str, AuditMark] | None 
 
 
 def ranking(rows: Sequence[SuiteRow]) -> list[tuple[str, float]]:
-    """Return entrants with their averages, the best first. Entrants with missing columns or open episodes have nan and
-    come last.
+    """Return entrants with their averages, the best first. Entrants with missing columns or seeds, or with open
+    episodes, have nan and come last.
     """
-    columns, unresolved = columns_of(row for row in rows if row.standing == "counted"), unresolved_entrants(rows)
-    entrants = dict.fromkeys(row.entrant for row in rows)
+    columns = columns_of(row for row in rows if row.standing == "counted")
+    reasons = _unranked(rows)
     averages = [
-        (name, math.nan if name in unresolved else average_of([row for row in rows if row.entrant == name], columns))
-        for name in entrants
+        (name, math.nan if reason else average_of([row for row in rows if row.entrant == name], columns))
+        for name, reason in reasons.items()
     ]
     return sorted(
         averages, key=lambda item: (math.isnan(item[1]), -item[1] if not math.isnan(item[1]) else 0.0, item[0])
     )
 
 
+def _unranked(rows: Sequence[SuiteRow]) -> dict[str, str]:
+    """Return the reason for which each entrant has no rank; "" for one that has.
+
+    Entrants are ranked on equal seeds: one that chose its own could leave out those that it loses.
+    """
+    unresolved = unresolved_entrants(rows)
+    columns = set(columns_of(row for row in rows if row.standing == "counted"))
+    played: dict[str, set[tuple[str, str, int]]] = {}
+    privileged = {row.entrant for row in rows if row.privileged}
+    for row in rows:
+        played.setdefault(row.entrant, set())
+        if row.standing == "counted":
+            played[row.entrant].add((row.mission, row.mode, row.seed))
+    reasons = {
+        name: OPEN if name in unresolved else UNRANKED if {key[:2] for key in keys} != columns else ""
+        for name, keys in played.items()
+    }
+    compared = [played[name] for name, reason in reasons.items() if not reason and name not in privileged]
+    required = set().union(*compared)
+    return {name: reason or (FEWER if required - played[name] else "") for name, reason in reasons.items()}
+
+
 def _ranking(rows: Sequence[SuiteRow], audits: Mapping[str, AuditMark]) -> ResultTable:
     plain = [row for row in rows if not row.condition]
     counted, left_open = [row for row in plain if row.standing == "counted"], open_rows(plain)
-    columns, unresolved = columns_of(counted), unresolved_entrants(plain)
+    columns, unresolved, reasons = columns_of(counted), unresolved_entrants(plain), _unranked(plain)
     lines: list[ResultLine] = []
     listed, place, last = 0, 0, math.nan
     for name, average in ranking([*counted, *left_open]):
         own = [row for row in (*counted, *left_open) if row.entrant == name]
         privileged = any(row.privileged for row in own)
-        group = SHOWN if privileged else OPEN if name in unresolved else UNRANKED if math.isnan(average) else ""
+        group = SHOWN if privileged else reasons[name]
         if not group:
             listed += 1
             place, last = place if average == last else listed, average  # equal averages share a place
@@ -64,13 +90,15 @@ def _ranking(rows: Sequence[SuiteRow], audits: Mapping[str, AuditMark]) -> Resul
         label = (str(place) if not group else "", " ".join(marks))
         lines.append(ResultLine(group, label, (average_cell(own, columns, with_range=True), *cells)))
     heads = ("Avg", *(column_head(mission, mode, columns) for mission, mode in columns))
-    lines.sort(key=lambda line: ("", UNRANKED, OPEN, SHOWN).index(line.group))
+    lines.sort(key=lambda line: ("", FEWER, UNRANKED, OPEN, SHOWN).index(line.group))
     note = "Avg: modes of a mission first, then missions; its 95 % interval is a bootstrap over seeds"
     evidence = audited_in_words(rows, audits)
     evidence += (
         f"; {UNAUDITED} has rows that no audit has confirmed" if audits else ": every number is what its row claims"
     )
-    notes = (note, evidence, *standing_notes(rows))
+    salts = {row.salt_sha256 for row in counted}
+    drawn_apart = "the seeds of policies were drawn from more than one salt: see the table of entrants"
+    notes = (note, evidence, *[drawn_apart] * (len(salts) > 1), *standing_notes(rows))
     return ResultTable("ranking", "Task success rate (TSR, %)", ("", "Entrant"), heads, tuple(lines), notes)
 
 

@@ -98,17 +98,33 @@ def stored_columns() -> dict[str, str]:
 
 def _decoded(table: pa.Table, file: Path) -> Iterator[SuiteRow]:
     names = [name for name in SuiteRow.__struct_fields__ if name in table.schema.names]
+    known = [name for name in _schema(_arrow()).names if name in table.schema.names and name not in _AS_JSON]
+    queried = table.select(known).to_pylist()
     for at, plain in enumerate(table.select(names).to_pylist()):
         try:
             whole = {name: json.loads(value) if name in _AS_JSON else value for name, value in plain.items()}
-            yield converted(whole, SuiteRow)
-        except (msgspec.ValidationError, ValueError, TypeError) as error:
+            row = converted(whole, SuiteRow)
+        except (msgspec.ValidationError, ValueError, TypeError, RecursionError) as error:
             made = f"lingjing {plain.get('version') or 'of an unknown version'}, code {str(plain.get('code'))[:12]}"
             hint = (
                 f"it was made by {made}; this is lingjing {lingjing.__version__}: read it with that version, or "
                 "score its kept traces with this one: lingjing report FOLDER/runs"
             )
             raise UsageError(f"row {at} of `{file}` cannot be read: {error}", hint=hint) from error
+        flat = _flat(row)
+        changed = next((name for name in known if _differs(queried[at][name], flat.get(name))), "")
+        if changed:
+            raise UsageError(
+                f"row {at} of `{file}` contradicts itself: its column `{changed}` is not that of its report",
+                hint=f"the file was changed after it was written; {_MOVE}",
+            )
+        yield row
+
+
+def _differs(stored: object, value: object) -> bool:
+    """Return whether a column has another value than its row. A tuple is stored as a list."""
+    is_nan = isinstance(stored, float) and isinstance(value, float) and stored != stored and value != value
+    return not is_nan and stored != (list(value) if isinstance(value, tuple) else value)
 
 
 def _flat(row: SuiteRow) -> dict[str, Any]:

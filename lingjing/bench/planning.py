@@ -21,12 +21,13 @@ from lingjing.bench.suite import (
     SuiteCondition,
     faults_error,
     form_faults,
+    mission_file_of,
     read_document,
     readable,
 )
 from lingjing.dsl.feasibility.providers import missing_files
 from lingjing.dsl.loading.load import load_mission
-from lingjing.dsl.loading.shipped import find_mission, shipped_missions
+from lingjing.dsl.loading.shipped import shipped_missions
 from lingjing.errors import Fault, LingjingError, MissionError, UsageError, hint_of
 from lingjing.installed_plugins.discovery import installed_plugins
 from lingjing.mission.instance import GivenOption
@@ -349,9 +350,8 @@ class _Reader:
 
     def _read_missions(self) -> None:
         for at, word in _listed(self._document, "missions"):
-            path = self._folder / word if (self._folder / word).is_file() else None
             try:
-                file = path or find_mission(word)
+                file = mission_file_of(word, self._folder)
                 mission = load_mission(file)
             except MissionError as error:
                 first = str(error).splitlines()[0] if str(error) else "it has errors"
@@ -365,7 +365,7 @@ class _Reader:
             if mission.name in self.missions:
                 self._fault(f"missions[{at}]", f"`{mission.name}` is listed twice")
             self.missions[mission.name] = mission
-            self.files[mission.name] = Path(file)
+            self.files[mission.name] = file
 
     def _read_evaluators(self) -> None:
         for at, name in _listed(self._document, "evaluators"):

@@ -48,8 +48,8 @@ class Played:
         counted = [row for row in listed if row.standing == "counted"]
         again = {(row.cell, row.seed) for row in listed if row.standing == "aborted"}
         doubtful = sum(row.report.success and (row.cell, row.seed) in again for row in counted)
-        lost = sum(row.standing == "lost" for row in listed)
-        return cls(tuple(row.report for row in counted), lost, doubtful)
+        without_result = {(row.cell, row.seed) for row in listed} - {(row.cell, row.seed) for row in counted}
+        return cls(tuple(row.report for row in counted), len(without_result), doubtful)
 
     @property
     def is_open(self) -> bool:

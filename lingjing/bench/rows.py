@@ -15,7 +15,7 @@ import lingjing
 from lingjing.data import data_path
 from lingjing.errors import UsageError
 from lingjing.mission.languages import ORIGINAL
-from lingjing.play.options import PlayOptions
+from lingjing.play.options import PlayOptions, without_places
 from lingjing.play.report import EpisodeReport
 
 RowStanding = Literal["counted", "aborted", "lost"]
@@ -162,23 +162,6 @@ def comparable(options: PlayOptions) -> PlayOptions:
     )
 
 
-def without_places(options: PlayOptions) -> PlayOptions:
-    """Return the options without places of files. Policy files are reduced to their names."""
-    return msgspec.structs.replace(
-        options,
-        salt="",
-        calls_from="",
-        ledger="",
-        policy=without_folder(options.policy),
-        policies_for={role: without_folder(policy) for role, policy in options.policies_for.items()},
-    )
-
-
-def without_folder(policy: str) -> str:
-    """Return a policy's name, for a policy file without its folder: `agent.py:Agent`."""
-    return policy.rpartition("/")[2] if policy.partition(":")[0].endswith(".py") else policy
-
-
 def code_sha256(missions: Iterable[Path]) -> str:
     """Return the SHA-256 over everything that decides an episode: the missions, the language's library, and all files
     of the core and of the agents.
@@ -230,4 +213,4 @@ def _hash_of_code(files: tuple[_CodeFile, ...]) -> bytes:
     return digest.digest()
 
 
-__all__ = ["RowKey", "RowStanding", "SuiteRow", "code_sha256", "comparable", "without_folder", "without_places"]
+__all__ = ["RowKey", "RowStanding", "SuiteRow", "code_sha256", "comparable"]

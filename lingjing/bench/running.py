@@ -33,14 +33,12 @@ from lingjing.bench.rows import (
     SuiteRow,
     code_sha256,
     comparable,
-    without_folder,
-    without_places,
 )
 from lingjing.bench.services import EntrantServices, probe_entrant
 from lingjing.bench.version import benchmark_version
 from lingjing.errors import UsageError
 from lingjing.mission.salts import read_salt
-from lingjing.play.options import PlayOptions
+from lingjing.play.options import PlayOptions, without_folder, without_places
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.play.spending import SpendingLimits
@@ -291,8 +289,12 @@ class SuiteRun:
             yield EpisodeTask(options, folder, repeated=repeated, reports_failure=True)
 
     def spent(self) -> float:
-        """Return the cost of all model calls of the folder, US dollars, including aborted and unfinished episodes."""
-        rows = sum(cost_of(row) for row in self.results.rows)
+        """Return the cost of all model calls of the folder, US dollars, including aborted and unfinished episodes.
+
+        The ledger alone counts for policies behind walls: their calls go through a broker, and what they report beside
+        is their own claim.
+        """
+        rows = sum(cost_of(row) for row in self.results.rows if row.options.isolate == "no")
         return max(rows, SpendingLimits(None, None, self._ledger).spent().usd if self._ledger.is_file() else 0.0)
 
     @property

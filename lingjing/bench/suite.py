@@ -17,6 +17,7 @@ import msgspec
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from lingjing.data import data_path
+from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import Fault, UsageError
 from lingjing.mission.faults import lines_of
 from lingjing.mission.tiers import HIGHEST
@@ -190,6 +191,22 @@ def shipped_suites() -> tuple[str, ...]:
     """Return the names of the shipped suites of this form, sorted."""
     others = {ATTRIBUTION, ADVERSARIES, PROGRAM}
     return tuple(name for name in _shipped_names() if not others & read_document(_shipped_path(name)).keys())
+
+
+def mission_file_of(word: str, folder: Path) -> Path:
+    """Return the file of a mission that a suite in this folder names: beside it, else a shipped one.
+
+    Raises `UsageError` if there is neither.
+    """
+    beside = folder / word
+    return beside if beside.is_file() else find_mission(word)
+
+
+def mission_files_of(suite: Path) -> list[Path]:
+    """Return the mission files of a suite file. Raises `UsageError` for a missing one, and for a file that is no
+    suite.
+    """
+    return [mission_file_of(str(word), suite.parent) for word in read_document(suite).get("missions", ())]
 
 
 def _shipped_names() -> tuple[str, ...]:

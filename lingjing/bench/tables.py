@@ -90,8 +90,8 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
         notes.append(f"{PRIVILEGED} observes the ground truth and is never marked as best")
     if unresolved_entrants(rows):
         notes.append(
-            f"{UNRESOLVED} has episodes that were lost, or played again after an abort that it may have caused "
-            "(its own service, a process or a file of the episode failed): it is not "
+            f"{UNRESOLVED} has episodes that were lost, or aborted without a later result, or played again after an "
+            "abort that it may have caused (its own service, a process or a file of the episode failed): it is not "
             "ranked, and the worst and the best case follow its rates"
         )
     return tuple(notes)

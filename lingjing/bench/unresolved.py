@@ -3,8 +3,11 @@
 A lost episode has no result. An episode that was played again after a failure of its entrant's own service has a
 result that the entrant could choose: the service could fail only when the policy loses. The same holds for a policy
 that ends a process of the harness or removes its trace, because it runs on the same machine. Such a result counts in
-the rates, and the worst case counts it as a failure. It is certain if another entrant was aborted by the same cause at
-the same time: then the cause was the network, the machine or a common service.
+the rates, and the worst case counts it as a failure. It is certain if an entrant with this project's code was aborted
+by the same cause at the same time: then the cause was the network, the machine or a common service. An entrant with
+code of its own proves nothing of that, because one person may bring several.
+
+An aborted try without a later result is open too: else a defeat that is called an abort would leave the table.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import msgspec
 
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import UNRESOLVED
+from lingjing.play.policy_files import is_file
 
 AT_ONCE_S = 300.0
 """Seconds within which two aborts count as simultaneous. Chosen: `react` reports an outage after three ticks, each of
@@ -23,9 +27,15 @@ which waits up to 90 s for the model.
 
 
 def open_rows(rows: Iterable[SuiteRow]) -> list[SuiteRow]:
-    """Return the lost episodes, and the aborted tries that only their entrant may have caused."""
+    """Return the lost episodes, the aborted tries without a later result, and those that only their entrant may have
+    caused.
+    """
+    rows = list(rows)
+    over = {(*row.cell, row.seed) for row in rows if row.standing != "aborted"}
     aborts = [row for row in rows if row.standing != "counted"]
-    return [row for row in aborts if row.standing == "lost" or _is_alone(row, aborts)]
+    return [
+        row for row in aborts if row.standing == "lost" or (*row.cell, row.seed) not in over or _is_alone(row, aborts)
+    ]
 
 
 def unresolved_entrants(rows: Iterable[SuiteRow]) -> frozenset[str]:
@@ -42,10 +52,20 @@ def with_marked_names(rows: Sequence[SuiteRow], unresolved: frozenset[str]) -> l
 
 
 def _is_alone(row: SuiteRow, aborts: Sequence[SuiteRow]) -> bool:
-    """Return whether the entrant may have caused the abort and no other entrant was aborted so at the same time."""
+    """Return whether the entrant may have caused the abort and no trusted one was aborted so at the same time."""
     cause = row.report.cause
-    others = (other for other in aborts if other.entrant != row.entrant and other.report.cause == cause)
+    others = (
+        other
+        for other in aborts
+        if other.entrant != row.entrant and other.report.cause == cause and not _has_own_code(other)
+    )
     return bool(cause) and not any(_is_at_once(row, other) for other in others)
+
+
+def _has_own_code(row: SuiteRow) -> bool:
+    """Return whether the entrant's policies are files, or not this project's. `bench` plays those behind walls."""
+    policies = (row.options.policy, *row.options.policies_for.values())
+    return row.options.isolate != "no" or any(is_file(policy) for policy in policies)
 
 
 def _is_at_once(row: SuiteRow, other: SuiteRow) -> bool:

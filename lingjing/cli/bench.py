@@ -62,12 +62,16 @@ def add_options(parser: ArgumentParser) -> None:
     audit.add_argument("--sample-seed", metavar="N", type=int, help="draw this sample (default: one at random)")
     audit.add_argument("--salt", metavar="FILE", help="the salt of the sealed split, to check the instances")
     audit.add_argument(
+        "--suite", metavar="SUITE", help="the suite, to check rules and versions of missions that are not shipped"
+    )
+    audit.add_argument(
         "--trust", metavar="PLUGIN", nargs="+", help="let the code of these plug-ins run in this command"
     )
     audit.set_defaults(handler=_audit)
     board = actions.add_parser("leaderboard", help="write a page that ranks entrants", description=_leaderboard.__doc__)
     _add_results(board)
     board.add_argument("-o", "--output", metavar="OUT.html", help="a file (default: standard output)")
+    board.add_argument("--seeds", metavar="A-B", help="only these seeds, both ends included")
     board.set_defaults(handler=_leaderboard)
     card = actions.add_parser("card", help="write a dataset card of results", description=_card.__doc__)
     _add_results(card)
@@ -353,6 +357,11 @@ def _leaderboard(args: argparse.Namespace) -> int:
     from lingjing.bench.merging import merge_results
 
     rows = merge_results(args.results, other_code=args.other_code)
+    if args.seeds:
+        seeds = set(parse_seeds(args.seeds))
+        rows = [row for row in rows if row.seed in seeds]
+        if not rows:
+            raise UsageError(f"--seeds {args.seeds}: the results hold none of these seeds")
     write_output(leaderboard(rows, audit_marks(args.results)), args.output)
     return ExitCode.OK
 
@@ -367,6 +376,7 @@ def _audit(args: argparse.Namespace) -> int:
     from lingjing.bench.evidence import audit_file, audited_in_words, named
     from lingjing.bench.folder import read_results, write_whole
     from lingjing.bench.rows import code_sha256
+    from lingjing.bench.suite import find_suite
     from lingjing.installed_plugins.discovery import trusting
     from lingjing.mission.salts import read_salt
 
@@ -375,19 +385,23 @@ def _audit(args: argparse.Namespace) -> int:
     rows = read_results(args.results)
     folder = args.results if args.results.is_dir() else args.results.parent
     salt = read_salt(args.salt, published=True) if args.salt else None
+    if salt is not None and not any(row.split_sha256 for row in rows):
+        raise UsageError(f"--salt {args.salt}: the rows are of public seeds, which no salt has drawn")
     code = code_sha256(())
     with trusting(args.trust or ()):
-        audit = Auditor(folder, code, args.share, args.sample_seed, salt, say).audit(rows)
-    file = audit_file(args.results)
-    try:
-        write_whole(file, msgspec.json.encode(audit.record(code)))
-    except OSError as error:
-        raise UsageError(f"cannot write `{file}`: {error.strerror}") from error
+        suite = find_suite(args.suite) if args.suite else None
+        audit = Auditor(folder, code, args.share, args.sample_seed, salt, suite, say).audit(rows)
     print(f"{audited_in_words(rows, audit.marks)}; {len(audit.findings)} wrong")
     for reason, number in audit.unchecked.most_common():
         print(f"not checked: {number} {'row' if number == 1 else 'rows'}: {reason}")
     for finding in audit.findings:
         print(f"wrong: {named(finding.row)}: {finding.reason}")
+    file = audit_file(args.results)
+    try:
+        write_whole(file, msgspec.json.encode(audit.record(code)))
+    except OSError as error:
+        hint = "the marks of the rows are not stored: audit a copy in a folder that can be written"
+        raise UsageError(f"cannot write `{file}`: {error.strerror}", hint=hint) from error
     return ExitCode.MISSION if audit.findings else ExitCode.OK
 
 

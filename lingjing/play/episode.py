@@ -37,7 +37,7 @@ from lingjing.mission.model import Mission
 from lingjing.mission.salts import salt_fingerprint
 from lingjing.numerics import versions
 from lingjing.play.folders import claim_run_folder
-from lingjing.play.options import Changes, PlayOptions, compiled, options_of
+from lingjing.play.options import Changes, PlayOptions, compiled, deciding_options, options_of
 from lingjing.play.outages import ServiceOutages
 from lingjing.play.policies import AssignedPolicy
 from lingjing.play.policy_processes.servers import NO_WALLS, WALLS_FROM, PolicyServer
@@ -367,6 +367,7 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
         evaluators=options.evaluators,
         evaluator_options=prepared.evaluator_options,
         moved=moved_bodies(prepared.instance, instance),
+        options=deciding_options(options),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
+from pathlib import PurePath
 from typing import Annotated, Any, Literal, TypedDict
 
 import msgspec
@@ -86,6 +87,41 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """The limit of the tokens of model calls; None for no limit."""
     ledger: str = ""
     """The file that counts cost and tokens of all episodes that name it; "" to count in this process."""
+
+
+_NOT_DECIDING = frozenset(
+    {"mission", "seed", "salt", "policy_seed", "mode", "tier", "language", "evaluators", "world", "overview", "sign",
+     "calls", "calls_from", "max_cost", "max_tokens", "ledger", "policy_files"}
+)  # fmt: skip
+"""The options that a trace's header names by itself, and those that decide no episode."""
+
+
+def deciding_options(options: PlayOptions) -> dict[str, GivenOption]:
+    """Return the options other than the defaults that decide an episode, as JSON data without places of files.
+
+    Mission, seeds, mode, tier, language and evaluators are left out: a trace's header names them by itself.
+    """
+    plain = msgspec.to_builtins(without_places(options), order="deterministic")
+    usual = msgspec.to_builtins(PlayOptions(mission=""), order="deterministic")
+    return {name: value for name, value in plain.items() if name not in _NOT_DECIDING and value != usual[name]}
+
+
+def without_places(options: PlayOptions) -> PlayOptions:
+    """Return the options without places of files. Policy files are reduced to their names."""
+    return msgspec.structs.replace(
+        options,
+        salt="",
+        calls_from="",
+        ledger="",
+        scene=PurePath(options.scene).name,
+        policy=without_folder(options.policy),
+        policies_for={role: without_folder(policy) for role, policy in options.policies_for.items()},
+    )
+
+
+def without_folder(policy: str) -> str:
+    """Return a policy's name, for a policy file without its folder: `agent.py:Agent`."""
+    return policy.rpartition("/")[2] if policy.partition(":")[0].endswith(".py") else policy
 
 
 class Changes(TypedDict, total=False):

@@ -25,6 +25,10 @@ _MOST_KEPT_BYTES = 32 << 20
 """The largest block that glibc takes from its heap, bytes: `HEAP_MAX_SIZE / 2` on 64-bit systems (mallopt(3))."""
 
 
+_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+"""The unit of `/proc/PID/statm`, bytes."""
+
+
 class SeveralThreadsError(Exception):
     """A process with several threads cannot be forked. `count`: the number of its threads.
 
@@ -87,6 +91,17 @@ def keep_freed_memory() -> None:
 def thread_count() -> int:
     """Return the number of threads of this process, those of compiled libraries included."""
     return len(list(Path("/proc/self/task").iterdir()))
+
+
+def private_memory(pid: int) -> int:
+    """Return the memory of a process that belongs to no file, bytes: `resident - shared` of `/proc/PID/statm`
+    (proc_pid_statm(5)). 0 for a process that has ended.
+    """
+    try:
+        _, resident, shared, *_ = Path(f"/proc/{pid}/statm").read_text().split()
+    except (OSError, ValueError):
+        return 0
+    return (int(resident) - int(shared)) * _PAGE_BYTES
 
 
 def set_parent_death_signal(parent: int, number: signal.Signals) -> bool:

@@ -701,6 +701,10 @@ class Header(TraceRecord, frozen=True, kw_only=True):
     """Entities that the scene placed elsewhere than the mission declares."""
     remote_engines: tuple[RemoteBinding, ...] = ()
     """The engines that foreign sessions played."""
+    options: dict[str, GivenOption] | None = None
+    """The options of the episode that no other field names and that differ from the defaults, without places of files
+    (`lingjing.play.options.deciding_options`). None in traces from before the field.
+    """
 
 
 class Outcome(TraceRecord, frozen=True, kw_only=True):

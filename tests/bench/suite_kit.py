@@ -13,12 +13,13 @@ from lingjing.bench.leaderboard import OPEN, leaderboard, ranking
 from lingjing.bench.money import estimates
 from lingjing.bench.parquet import encode_rows, read_rows
 from lingjing.bench.planning import SuiteCell, SuitePlan, read_plan
-from lingjing.bench.rows import SuiteRow, code_sha256, without_places
+from lingjing.bench.rows import SuiteRow, code_sha256
 from lingjing.bench.running import Shard, SuiteEpisode, SuiteRun
 from lingjing.bench.suite import find_suite, shipped_suites
 from lingjing.bench.tables import TABLES, make_tables
+from lingjing.play.options import without_places
 from lingjing.play.parallel import EpisodeTask
-from tests.play.report_kit import blank_metrics, made_report
+from tests.play.report_kit import ABORTED, blank_metrics, made_report
 
 __all__ = [
     "OPEN", "RESULTS", "SMALL", "TABLES", "TRIP", "AnsweringExecutor", "AuditRecord", "EpisodeTask", "ResultsFolder",
@@ -66,9 +67,10 @@ mission trip "A short trip" {
 def made_row(*, success: bool = True, scr: float | None = None, **changes: object) -> SuiteRow:
     """Return a counted row of `ssr` in star mode with these changes; `metrics` and `perceived` belong to its report."""
     metrics, perceived = changes.pop("metrics", {}), changes.pop("perceived", None)
+    ended = {} if changes.get("standing", "counted") == "counted" else {"reason": ABORTED}
     report = changes.pop("report", None) or made_report(
         seed=changes.get("seed", 0), success=success, scr=(1.0 if success else 0.5) if scr is None else scr,
-        metrics=blank_metrics(**metrics) if isinstance(metrics, dict) else metrics, perceived=perceived,
+        metrics=blank_metrics(**metrics) if isinstance(metrics, dict) else metrics, perceived=perceived, **ended,
     )  # fmt: skip
     plain = {"suite": "small", "entrant": "e", "mission": "ssr", "mode": "star", "seed": 0, "policy": "p", "code": "c",
              "options": PlayOptions(mission="ssr", policy="p"), "report": report}  # fmt: skip

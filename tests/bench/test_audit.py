@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import shutil
 import subprocess
@@ -14,9 +15,9 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing.bench.auditing import Audit, Auditor, _rules_fault
+from lingjing.bench.auditing import Audit, Auditor
 from lingjing.bench.merging import merge_rows
-from lingjing.bench.version import benchmark_version
+from lingjing.bench.version import _meaning, benchmark_version
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import compiled, instantiate, run_command
@@ -36,6 +37,7 @@ from tests.bench.suite_kit import (
     row_sha256,
     without_places,
 )
+from tests.play.report_kit import ABORTED
 from tools.python_forks import run_python
 
 SUITE = """
@@ -101,9 +103,12 @@ def test_honest_rows_are_confirmed(results: Path, played: Path, capsys: pytest.C
     assert "audited: 6 of 6 rows, 3 of them replayed; 0 wrong" in out
     assert "not checked: 6 rows: its instance, without the published salt" in out
     code, out = audited(results, capsys, "--salt", str(played / "split.salt"))
-    assert (code, out.count("not checked")) == (ExitCode.OK, 1), out
-    assert "not checked: 6 rows: its rules: its mission is not shipped" in out
+    assert (code, out.count("not checked")) == (ExitCode.OK, 2), out
+    assert "not checked: 6 rows: its rules, except against other rows: its mission is not shipped" in out
+    assert "not checked: 6 rows: its versions of the benchmark and of the code" in out
     assert "6 of 6 rows, 1 of them replayed" in out
+    code, out = audited(results, capsys, "--salt", str(played / "split.salt"), "--suite", str(played / "trips.toml"))
+    assert (code, out.count("not checked")) == (ExitCode.OK, 0), out
 
 
 def test_a_sealed_split_draws_other_instances_and_names_its_salt(
@@ -150,6 +155,19 @@ def test_a_sealed_split_draws_other_instances_and_names_its_salt(
         (lambda row: with_options(row, mode="star"), "its option mode is not that of its trace"),
         (lambda row: with_options(row, policy="heuristic"), "its option policy is not that of its trace"),
         (lambda row: of_idle(row, policy="heuristic"), "its reported policy is not that of its trace"),
+        (lambda row: with_options(row, blank_pictures=True), "its option `blank_pictures` is not that of its trace"),
+        (lambda row: with_options(row, swap_pictures=True), "its option `swap_pictures` is not that of its trace"),
+        (lambda row: with_options(row, settings={"way": 2.0}), "its option `settings` is not that of its trace"),
+        (lambda row: with_options(row, engine_args={"camera.quality": 1}), "its option `engine_args` is not that of"),
+        (lambda row: with_options(row, policies_for={"boat": "oracle"}), "its option `policies_for` is not that of"),
+        (
+            lambda row: of_idle(msgspec.structs.replace(row, standing="aborted"), reason=ABORTED),
+            "it is aborted, and its trace ends with `budget`",
+        ),
+        (
+            lambda row: msgspec.structs.replace(row, standing="aborted"),
+            "it is aborted, and its reason is `budget`",
+        ),
     ],
 )  # fmt: skip
 def test_an_edited_row_is_found(
@@ -211,14 +229,72 @@ def test_other_rules_than_those_of_the_shipped_mission_are_found(tier: int) -> N
     row = made_row(mission="bi", mode=played.mode)
 
     def fault(instance: object, row: SuiteRow = row) -> str:
-        return _rules_fault(row, SimpleNamespace(header=SimpleNamespace(instance=instance)), Audit())  # type: ignore[arg-type]
+        trace = SimpleNamespace(header=SimpleNamespace(instance=instance))
+        return Auditor(Path(), "code")._rules_fault(row, trace, Audit())  # type: ignore[arg-type]
 
     assert fault(played) == ""
     easy = msgspec.structs.replace(played.budget, ticks=played.budget.ticks + 1)
-    assert fault(msgspec.structs.replace(played, budget=easy)) == "its budget is not that of the shipped mission"
+    assert fault(msgspec.structs.replace(played, budget=easy)) == "its budget is not that of its mission"
     assert "rules is not that" in fault(msgspec.structs.replace(played, rules=played.rules[:-1]))
     unknown = msgspec.structs.replace(row, options=msgspec.structs.replace(row.options, settings={"ease": 1.0}))
-    assert fault(played, unknown).startswith("the shipped mission gives no such instance: ")
+    assert fault(played, unknown).startswith("its mission gives no such instance: ")
+
+
+def test_other_rules_than_those_of_the_suites_own_mission_are_found(
+    results: Path, played: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The rows of `idle` are of an easier mission of the same name."""
+    easy = played / "easy"
+    easy.mkdir()
+    (easy / "trip.ljs").write_text(TRIP.replace("ticks <= 3", "ticks <= 4"))
+    (easy / "trips.toml").write_text(SUITE)
+    command = ["bench", str(easy / "trips.toml"), "-o", str(easy / "out"), "--keep", "--entrants", "idle"]
+    assert run_command([*command, "--salt", str(played / "split.salt")]) == ExitCode.OK
+    capsys.readouterr()
+    code, out = audited(easy / "out", capsys)
+    assert (code, out.count("wrong:")) == (ExitCode.OK, 0), "alone they agree with each other"
+    code, out = audited(easy / "out", capsys, "--suite", str(played / "trips.toml"))
+    assert code == ExitCode.MISSION
+    assert "wrong: idle, trip-broadcast, seed 0: its version of the benchmark or of the code is not that of its" in out
+    honest = {row.seed: row for row in read_results(results) if row.entrant == "oracle"}
+    versions = {"benchmark": honest[0].benchmark, "code": honest[0].code}
+    rows = [msgspec.structs.replace(row, **versions) for row in read_results(easy / "out")]
+    for row in rows:
+        shutil.copytree(
+            (easy / "out" / row.report.trace).parent, (results / row.report.trace).parent, dirs_exist_ok=True
+        )
+    (results / RESULTS).write_bytes(encode_rows([*honest.values(), *rows]))
+    code, out = audited(results, capsys)
+    assert code == ExitCode.MISSION
+    assert "audited: 0 of 6 rows" in out, "which of them are right is not known"
+    assert "wrong: idle, trip-broadcast, seed 0: its budget is not that of oracle, trip-broadcast, seed 0" in out
+    assert "wrong: oracle, trip-broadcast, seed 0: its budget is not that of idle, trip-broadcast, seed 0" in out
+    code, out = audited(results, capsys, "--suite", str(played / "trips.toml"))
+    assert "wrong: idle, trip-broadcast, seed 0: its budget is not that of its mission" in out
+    assert "wrong: oracle" not in out
+
+
+def test_a_trace_from_before_options_were_recorded_is_named(
+    results: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def without_options(path: Path) -> object:
+        trace = lingjing.read(path)
+        return dataclasses.replace(trace, header=msgspec.structs.replace(trace.header, options=None))
+
+    monkeypatch.setattr("lingjing.bench.auditing.read_trace", without_options)
+    assert "not checked: 6 rows: its options such as `blank_pictures`" in audited(results, capsys)[1]
+
+
+def test_a_column_of_the_file_that_differs_from_its_report_is_refused(results: Path) -> None:
+    import pyarrow.compute as compute
+    import pyarrow.parquet as parquet
+
+    table = parquet.read_table(results / RESULTS)
+    at = table.schema.get_field_index("success")
+    edited = table.set_column(at, table.schema.field(at), compute.invert(table["success"]))
+    parquet.write_table(edited, results / RESULTS)
+    with pytest.raises(UsageError, match=r"row 0 of .* contradicts itself: its column `success` is not that of its"):
+        read_results(results)
 
 
 CHEAT = """
@@ -343,8 +419,6 @@ def test_the_benchmark_version_changes_with_the_text_of_a_mission(tmp_path: Path
 
 
 def test_comments_and_docstrings_do_not_change_the_benchmark_version() -> None:
-    from lingjing.bench.version import _meaning
-
     plain = b"def judge(a):\n    return a > 1\n"
     assert _meaning(plain) == _meaning(b'"""Text."""\n# why\ndef judge(a):\n    """Judge."""\n\n    return (a > 1)\n')
     assert _meaning(plain) != _meaning(b"def judge(a):\n    return a >= 1\n")
@@ -401,3 +475,29 @@ def test_the_hash_of_the_code_changes_with_each_file(tmp_path: Path, monkeypatch
     (tmp_path / "loop").symlink_to(tmp_path)
     (tmp_path / "gone").symlink_to(tmp_path / "nothing")
     assert code_sha256(()) == first
+
+
+def test_a_salt_for_rows_of_public_seeds_is_a_usage_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / RESULTS).write_bytes(encode_rows([made_row()]))
+    (tmp_path / "split.salt").write_text("5a" * 32)
+    command = ["bench", "audit", str(tmp_path), "--salt", str(tmp_path / "split.salt")]
+    assert run_command(command) == ExitCode.USAGE
+    assert "the rows are of public seeds" in capsys.readouterr().err
+
+
+def test_the_result_is_printed_if_the_marks_cannot_be_stored(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    audit_file(results).mkdir()
+    code, out = audited(results, capsys)
+    assert code == ExitCode.USAGE and "audited: 6 of 6 rows" in out
+
+
+def test_a_report_with_a_hundred_thousand_lists_in_each_other_is_one_message(results: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as parquet
+
+    table = parquet.read_table(results / RESULTS)
+    at, deep = table.schema.get_field_index("report"), "[" * 100_000
+    edited = table.set_column(at, table.schema.field(at), pa.array([deep] * len(table)))
+    parquet.write_table(edited, results / RESULTS)
+    with pytest.raises(UsageError, match=r"row 0 of .* cannot be read"):
+        read_results(results)

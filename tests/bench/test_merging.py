@@ -135,6 +135,35 @@ def test_only_unprivileged_entrants_with_all_columns_are_ranked() -> None:
     assert page.index("not ranked: observes the ground truth") < page.index(">told †<")
 
 
+def test_an_entrant_that_chose_its_seeds_has_no_rank() -> None:
+    chosen = [row for row in entrant("chooser", 9) if row.seed < 9]
+    rows = [*entrant("weak", 3), *entrant("strong", 9), *chosen]
+    assert [name for name, _ in ranking(rows)] == ["strong", "weak", "chooser"]
+    page = leaderboard(rows)
+    assert page.index(">weak<") < page.index("not ranked: some seeds that others have played") < page.index(">chooser<")
+    equal = [row for row in rows if row.seed < 9]
+    assert ranking(equal)[0][0] == "chooser"
+    oracle = entrant("oracle", 30, privileged=True)
+    assert [name for name, _ in ranking([*oracle, *equal])][:2] == ["chooser", "oracle"], "the oracle sets no bar"
+
+
+def test_the_leaderboard_of_some_seeds_ranks_on_these(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place = tmp_path / "all.parquet"
+    place.write_bytes(encode_rows([*entrant("weak", 3), *[row for row in entrant("few", 9) if row.seed < 4]]))
+    assert run_command(["bench", "leaderboard", str(place)]) == ExitCode.OK
+    assert "not ranked: some seeds" in capsys.readouterr().out
+    assert run_command(["bench", "leaderboard", str(place), "--seeds", "0-3"]) == ExitCode.OK
+    assert "not ranked" not in capsys.readouterr().out
+    assert run_command(["bench", "leaderboard", str(place), "--seeds", "50-60"]) == ExitCode.USAGE
+    assert "the results hold none of these seeds" in capsys.readouterr().err
+
+
+def test_salts_that_differ_are_noted() -> None:
+    rows = [*entrant("a", 3), *entrant("b", 9, salt_sha256="other")]
+    assert "drawn from more than one salt" in leaderboard(rows)
+    assert "drawn from more than one salt" not in leaderboard(entrant("a", 3))
+
+
 def test_the_page_holds_no_foreign_markup_and_loads_nothing() -> None:
     page = leaderboard(entrant("<script>alert(1)</script>", 5, policy="<img src=x>", model="\x1b[2J"))
     assert "<script" not in page and "<img" not in page and "\x1b" not in page

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing import EpisodeReport
+from lingjing import EpisodeReport, PlayOptions
 from lingjing.bench.money import CostEstimate, is_paid, prices_of
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import PluginHost, run_command
@@ -190,6 +190,14 @@ def test_an_episode_ended_by_the_limit_gives_no_row_and_counts_as_no_try(suite: 
         run.play(run.due((0,), plan.cells))
         assert run.is_out_of_money and results.rows == []
         assert [item.tries for item in run.due((0,), plan.cells)] == [1, 1]
+
+
+@pytest.mark.parametrize(("isolate", "spent_usd"), [("no", 5.0), ("yes", 0.0)])
+def test_the_cost_that_a_policy_behind_walls_claims_is_not_spent(suite: Path, isolate: str, spent_usd: float) -> None:
+    claimed = made_row(metrics={"cost_usd": 5.0}, options=PlayOptions(mission="ssr", policy="p", isolate=isolate))
+    with open_results(suite.parent / "out") as results:
+        results.add(claimed)
+        assert SuiteRun(plan_of(suite), results, "code", AnsweringExecutor()).spent() == spent_usd
 
 
 def test_a_missing_record_of_calls_stops_the_suite_with_its_message(suite: Path) -> None:

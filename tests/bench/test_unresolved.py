@@ -7,11 +7,12 @@ from typing import get_args
 import msgspec
 import pytest
 
+from lingjing import PlayOptions
 from lingjing.bench.exports import to_latex
 from lingjing.bench.unresolved import AT_ONCE_S, open_rows, unresolved_entrants
 from lingjing.errors import AbortCause
 from lingjing.play.outages import SERVICE_GONE
-from tests.bench.suite_kit import OPEN, SuiteRow, leaderboard, made_row, make_tables, ranking
+from tests.bench.suite_kit import OPEN, SuiteRow, leaderboard, made_row, make_tables, ranking, row_faults
 from tests.play.report_kit import ABORTED, made_report
 
 GONE = f"{SERVICE_GONE}the harness gets no answer for `a` either: refused"
@@ -77,9 +78,11 @@ def test_a_win_after_an_outage_of_the_entrants_service_is_a_failure_in_the_worst
         ({"entrant": "a", "ended_unix_s": 1e9 + AT_ONCE_S + 1}, True),
         ({"entrant": "sly", "ended_unix_s": 1e9}, True),
         ({"entrant": "a"}, True),
+        ({"entrant": "a", "ended_unix_s": 1e9, "options": PlayOptions(mission="ssr", isolate="yes")}, True),
+        ({"entrant": "a", "ended_unix_s": 1e9, "options": PlayOptions(mission="ssr", policy="b.py:B")}, True),
     ],
 )
-def test_an_abort_is_resolved_if_another_entrant_has_the_same_cause_at_the_same_time(
+def test_an_abort_is_resolved_if_an_entrant_with_this_projects_code_has_the_same_cause_at_the_same_time(
     other: dict[str, object], is_open: bool
 ) -> None:
     entrant = str(other.pop("entrant"))
@@ -114,9 +117,18 @@ def test_an_older_row_without_a_cause_is_resolved() -> None:
     written = msgspec.json.decode(msgspec.json.encode(ended("sly", 3, "aborted")))
     del written["report"]["cause"]
     row = msgspec.json.decode(msgspec.json.encode(written), type=SuiteRow)
-    assert row.report.cause == "" and open_rows([row]) == []
+    assert row.report.cause == "" and open_rows([*won("sly", 3, 10), row]) == []
 
 
 def test_an_abort_by_an_engine_is_resolved() -> None:
     rows = [*won("a", 9, 10), ended("a", 3, "aborted", "engine `uav` failed in step: it died", "")]
     assert open_rows(rows) == []
+
+
+def test_a_defeat_that_is_called_an_abort_leaves_no_table() -> None:
+    rows = [*won("fair", 9, 10), *won("sly", 9, 9), ended("sly", 9, "aborted", "an engine died", "")]
+    assert unresolved_entrants(rows) == {"sly"}
+    assert cells(rows)["sly ‡"][0] == ("100 (90..100)", "")
+    assert leaderboard(rows).index(OPEN) < leaderboard(rows).index(">sly ‡<")
+    (relabelled,) = (msgspec.structs.replace(row, standing="aborted") for row in won("sly", 1, 1))
+    assert list(row_faults(relabelled)) == ["it is aborted, and its reason is `success`"]

@@ -101,7 +101,7 @@ class Deep(Steady):
 
     async def act(self, observation, inbox):
         decision = {"thought": "", "messages": [{"kind": "report", "body": {"text": None}}]}
-        whole = msgspec.msgpack.encode({"type": "DecisionMade", "decision": decision})
+        whole = msgspec.msgpack.encode({"is": "DecisionMade", "decision": decision})
         _send(whole[:-1] + b"\x91" * 1_000_000 + b"\xc0")
         return Decision()
 
@@ -235,3 +235,34 @@ class SlowConstructor(Steady):
 class BadReset(Steady):
     async def reset(self, brief):
         os._exit(9)
+
+
+class Hoarder(Steady):
+    """Fills pages and makes them read-only, so that RLIMIT_DATA does not count them."""
+
+    async def act(self, observation, inbox):
+        library = ctypes.CDLL(None, use_errno=True)
+        library.mmap.restype = ctypes.c_void_p
+        library.mmap.argtypes = (ctypes.c_void_p, ctypes.c_size_t, *[ctypes.c_int] * 3, ctypes.c_long)
+        library.mprotect.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
+        size, read, write, private, anonymous = 64 << 20, 1, 2, 2, 32
+        for _ in range(16):
+            place = library.mmap(None, size, read | write, private | anonymous, -1, 0)
+            ctypes.memset(place, 1, size)
+            assert library.mprotect(place, size, read) == 0
+        return Decision(thought="1 GB")
+
+
+class Inventor(Steady):
+    """Writes a model call that it has not made into the record of calls."""
+
+    async def act(self, observation, inbox):
+        request = {"tick": 1, "number": 0, "head": b"{}", "messages": []}
+        result = {"text": "done", "prompt_tokens": 1, "completion_tokens": 1}
+        begin, end = {"is": "BeginModelCall", "request": request}, {"is": "EndModelCall", "request": request}
+        for message in (begin, {**end, "result": result}):
+            payload, calls = msgspec.msgpack.encode(message), _ends()[1]
+            calls.setblocking(True)
+            calls.sendall(struct.pack("<QB?", len(payload), 0, False) + payload)
+            calls.recv(1)
+        return Decision(thought="recorded")

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import msgspec
 import pytest
@@ -37,6 +37,9 @@ from tests.play.walled_child import WalledRun
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="walls are made of Linux's own parts")
 
 POLICIES = Path(__file__).with_name("walled_attacks.py")
+CALLS = "calls.sqlite"
+"""The record of model calls beside a trace."""
+HOSTILE = Path(__file__).with_name("hostile_policies.py")
 
 HELD_ANYWAY = {
     "truth_in_modules": "a single run holds no truth in its server; a suite does",
@@ -264,13 +267,41 @@ def test_policies_in_the_players_process_cannot_be_isolated(tmp_path: Path) -> N
         lingjing.run(mission, policy="idle", isolate="yes", overview=False)
 
 
-def test_a_policy_that_breaks_its_limit_in_its_first_call_loses_its_turns(tmp_path: Path) -> None:
-    mission = write_mission(tmp_path, 1, 1, 600.0)
+@pytest.mark.parametrize(
+    ("policy", "limit", "detail"),
+    [
+        (
+            f"{POLICIES}:Spender",
+            {"LINGJING_POLICY_CPU_S": "3"},
+            "its process was killed by signal 9 (SIGKILL), as at its limit of 3 s of processor time",
+        ),
+        (f"{HOSTILE}:Hoarder", {"LINGJING_POLICY_MEMORY_GB": "0.5"}, "its process used more than 0.5 GB of memory"),
+    ],
+    ids=["processor", "memory"],
+)
+def test_a_policy_that_breaks_its_limit_in_its_first_call_loses_its_turns(
+    tmp_path: Path, policy: str, limit: dict[str, str], detail: str
+) -> None:
+    record = first_decision(tmp_path, policy, "--isolate", **limit)
+    assert (record.substituted, record.detail) == ("policy_error", detail)
+
+
+def test_a_policy_behind_walls_cannot_record_a_model_call_that_it_has_not_made(tmp_path: Path) -> None:
+    for name, options in (("open", ()), ("walled", ("--isolate",))):
+        (tmp_path / name).mkdir()
+        record = first_decision(tmp_path / name, f"{HOSTILE}:Inventor", *options)
+        is_recorded = (tmp_path / name / "out" / CALLS).is_file()
+        assert (bool(record.substituted), is_recorded) == ((False, True) if name == "open" else (True, False)), record
+
+
+def first_decision(folder: Path, policy: str, *options: str, **limits: str) -> Any:
+    """Play one turn of an attacker. Returns its decision."""
+    mission = write_mission(folder, 1, 1, 600.0)
     done = subprocess.run(
-        [sys.executable, "-m", "lingjing.cli.main", "run", str(mission), "--no-overview", "-o", "out", "--isolate",
-         f"--policy={POLICIES}:Spender"],
-        cwd=tmp_path, env={**os.environ, "LINGJING_POLICY_CPU_S": "3"}, capture_output=True, text=True, check=False,
+        [sys.executable, "-m", "lingjing.cli.main", "run", str(mission), "--no-overview", "-o", "out",
+         f"--policy={policy}", *options],
+        cwd=folder, env={**os.environ, **limits}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
-    (record,) = [made for boundary in read_trace(tmp_path / "out").boundaries for made in boundary.decisions]
-    assert (record.substituted, record.detail) == ("policy_error", "its process was killed by signal 9 (SIGKILL)")
+    (record,) = [made for boundary in read_trace(folder / "out").boundaries for made in boundary.decisions]
+    return record

@@ -28,11 +28,12 @@ from lingjing.play.policy_processes.messages import (
 )
 from lingjing.play.policy_processes.model_calls import ModelCallService
 from lingjing.play.policy_processes.output import PolicyOutput
-from lingjing.play.policy_processes.servers import PolicyServer
+from lingjing.play.policy_processes.servers import PolicyServer, memory_limit
 from lingjing.plugins.calls import ModelCalls
 from lingjing.processes.channel import MAX_DESCRIPTORS, Channel, ChannelClosedError, NoMemoryError
 from lingjing.processes.deadlines import WallDeadline
 from lingjing.processes.fork_client import ForkedProcess
+from lingjing.processes.linux import private_memory
 from lingjing.processes.walls.offer import check_strict
 from lingjing.processes.walls.report import WallReport
 
@@ -44,6 +45,11 @@ CALL_BYTES = 256_000_000
 
 _STATUS_S = 10.0
 """The longest wait for the fork server's report of an ended process, seconds of wall clock. Chosen."""
+
+_UNCOUNTED_BYTES = 256 << 20
+"""The memory beyond the limit at which a process is ended, bytes. Chosen: 64 MB for the stack, and room for the pages
+of libraries that the loader has written and made read-only, none of which RLIMIT_DATA counts.
+"""
 
 _HINT = "`lingjing doctor` lists what this kernel offers; `ulimit -a` shows limits of this shell"
 """The hint for walls that cannot be built."""
@@ -62,6 +68,7 @@ class PolicyProcess:
     def __init__(self, agent: str, server: PolicyServer, calls: ModelCalls, broker: BrokerStart | None = None) -> None:
         self.agent = agent
         self._calls = ModelCallService(calls)
+        self._makes_calls = broker is not None or server.walls is None
         self._broker: ForkedProcess | None = None
         ours, theirs = socket.socketpair()
         our_calls, their_calls = socket.socketpair()
@@ -139,6 +146,19 @@ class PolicyProcess:
             raise self._error_of_end()
         return answer
 
+    def check_memory(self) -> None:
+        """End a process behind walls that uses more memory than the limit.
+
+        RLIMIT_DATA counts pages while they may be written, so a policy escapes it with pages that it fills and then
+        makes read-only (getrlimit(2), mprotect(2)). Raises `EOFError` with the reason.
+        """
+        if self._walls is None or self.wall_report is None:
+            return
+        limit = memory_limit()
+        if private_memory(self.pid) > limit + _UNCOUNTED_BYTES:
+            self.end()
+            raise EOFError(f"its process used more than {limit / 2**30:g} GB of memory")
+
     def has_ended(self, patience_s: float = 0.0) -> bool:
         """Return True if the process has ended, or ends within `patience_s` seconds."""
         poller = select.poll()
@@ -165,6 +185,8 @@ class PolicyProcess:
     def _error_of_end(self) -> Exception:
         """End the process, and return the error: a process that ends before its walls stand has run no foreign code."""
         ending = self.end()
+        if self._walls is not None and self._process.returncode == -signal.SIGKILL:
+            ending += f", as at its limit of {self._walls.cpu_s} s of processor time"
         if self._walls is None or self.wall_report is not None:
             return EOFError(ending)
         return InfrastructureError(f"the walls around `{self.agent}` cannot be built: {ending}", hint=_HINT)
@@ -203,6 +225,8 @@ class PolicyProcess:
         except TimeoutError:
             return
         packet.close()
+        if not self._makes_calls:  # it has no network and no broker, so the call was never made
+            raise ChannelClosedError("a model call behind walls without a broker")
         _send_in_memory(self._call_channel, self._calls.answer(packet.payload))
 
     def _status(self) -> int:

@@ -59,6 +59,7 @@ from lingjing.play.policy_processes.model_calls import RemoteModelCalls
 from lingjing.play.policy_processes.observations import observation_of
 from lingjing.play.policy_processes.pictures import MappedSlots
 from lingjing.play.policy_processes.preloading import policy_host
+from lingjing.play.policy_processes.servers import memory_limit
 from lingjing.plugins.calls import AbandonedCallError, ModelCalls
 from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Picture, Policy
@@ -70,12 +71,6 @@ from lingjing.scene.city import City
 from lingjing.trace.records import Decision, DecisionRecord
 
 _REQUESTS: MsgpackDecoder[PolicyRequest] = msgpack_decoder(PolicyRequest)
-
-MEMORY_VARIABLE = "LINGJING_POLICY_MEMORY_GB"
-"""The environment variable that replaces `MEMORY_GB`."""
-MEMORY_GB = 4.0
-"""The memory that a policy may allocate, GiB. Chosen: eight times the use of the shipped policies, and enough for a
-small detector on a CPU."""
 
 _OOM_SCORE = b"1000"
 """The highest `oom_score_adj`: a machine without memory ends policies before the player (`proc(5)`)."""
@@ -251,13 +246,6 @@ def seed_generators(seed: int) -> None:
     np.random.seed(seed % 2**32)  # noqa: NPY002 - the global generator is what is seeded
 
 
-def memory_limit() -> int:
-    """Return the bytes that a policy may allocate: `LINGJING_POLICY_MEMORY_GB`, or `MEMORY_GB`."""
-    with contextlib.suppress(ValueError):
-        return int(float(os.environ.get(MEMORY_VARIABLE, MEMORY_GB)) * 2**30)
-    return int(MEMORY_GB * 2**30)
-
-
 def limit_memory(limit: int) -> None:
     """Limit the memory of this process and its children, `limit` bytes each, and disable core dumps."""
     for kind, value in ((resource.RLIMIT_DATA, limit), (resource.RLIMIT_CORE, 0)):
@@ -308,4 +296,4 @@ def _release_policy(loop: asyncio.AbstractEventLoop, host: _PolicyHost) -> None:
             stream.flush()
 
 
-__all__ = ["MEMORY_GB", "MEMORY_VARIABLE", "limit_memory", "memory_limit", "seed_generators", "serve"]
+__all__ = ["limit_memory", "seed_generators", "serve"]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
@@ -36,6 +37,11 @@ CPU_S = 7200
 """The most processor time of one process behind walls, seconds. Chosen: the longest shipped mission has 60 turns of
 90 s."""
 
+MEMORY_VARIABLE = "LINGJING_POLICY_MEMORY_GB"
+"""The environment variable that replaces `MEMORY_GB`."""
+MEMORY_GB = 4.0
+"""The memory that a policy may allocate, GiB. Chosen: eight times the use of the shipped policies, and enough for a
+small detector on a CPU."""
 
 NO_WALLS = "policies in the player's own process cannot be isolated"
 """The message for walls around policies that have no process of their own."""
@@ -149,6 +155,13 @@ def cpu_limit_s() -> int:
     raise UsageError(f"{CPU_VARIABLE}={text}: must be a whole number of seconds above 0")
 
 
+def memory_limit() -> int:
+    """Return the bytes that a policy may allocate: `LINGJING_POLICY_MEMORY_GB`, or `MEMORY_GB`."""
+    with suppress(ValueError):
+        return int(float(os.environ.get(MEMORY_VARIABLE, MEMORY_GB)) * 2**30)
+    return int(MEMORY_GB * 2**30)
+
+
 def _files_of(spec: str) -> Iterator[str]:
     """Yield the file of a policy, and the modules and packages beside it; nothing for an installed policy."""
     if is_file(spec):
@@ -170,6 +183,6 @@ def _named_files(values: Iterable[GivenOption]) -> Iterator[str]:
 
 
 __all__ = [
-    "CPU_S", "CPU_VARIABLE", "NO_WALLS", "WALLS_FROM", "OpenServer", "PolicyServer", "WalledServer", "cpu_limit_s",
-    "walls_of",
+    "CPU_S", "CPU_VARIABLE", "MEMORY_GB", "MEMORY_VARIABLE", "NO_WALLS", "WALLS_FROM", "OpenServer", "PolicyServer",
+    "WalledServer", "cpu_limit_s", "memory_limit", "walls_of",
 ]  # fmt: skip
