@@ -84,6 +84,18 @@ def test_a_command_is_accepted_and_makes_the_body_busy(env: LingjingParallelEnv)
     assert observations["skipper"]["entities"]["boat"][9] == 1.0  # busy
 
 
+def test_a_message_is_in_the_inbox_of_every_other_agent_after_the_step(env: LingjingParallelEnv) -> None:
+    env.reset(seed=3)
+    silent = {**env.action_space("scout[1]").sample(), "command": 0, "message": 0, "to": 0}
+    spoken = {**silent, "message": 2, "fields": np.zeros_like(silent["fields"])}
+    sender, senders = env.possible_agents.index("scout[1]") + 1, []
+    for action in (silent, spoken, silent):
+        observations, *_ = env.step({"scout[1]": action})
+        senders.append({name: set(observations[name]["inbox"][:, 1]) - {0.0} for name in env.possible_agents})
+    silence: dict[str, set[int]] = {name: set() for name in env.possible_agents}
+    assert senders == [silence, {name: set() if name == "scout[1]" else {sender} for name in silence}, silence]
+
+
 @pytest.mark.parametrize(("mode", "agent"), [("broadcast", "skipper"), ("star", "commander")])
 def test_gymnasiums_checker_accepts_the_environment(short: str, mode: str, agent: str) -> None:
     """The check runs for an agent with a body and for an agent that only coordinates."""

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 import lingjing
-from lingjing.errors import MissionError
+from lingjing.errors import MissionError, UsageError
 from lingjing.mission import document
 from lingjing.mission.faults import schema_faults
 
@@ -57,5 +57,5 @@ def test_a_document_that_is_nested_too_deeply_is_refused() -> None:
     value = json.loads(WHOLE)
     deep = '{"node": "Unary", "operator": "not", "operand": ' * 3000 + '{"node": "Flag", "value": true}' + "}" * 3000
     text = json.dumps({**value, "success": 3}).replace('"success": 3', f'"success": {deep}')
-    with pytest.raises(Exception, match=r"nested|deep|recursion"):
+    with pytest.raises(UsageError, match="nested too deeply to be a mission"):
         document.decode(text, "m.json")

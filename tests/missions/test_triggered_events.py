@@ -138,11 +138,15 @@ def test_undoing_an_event_does_not_overwrite_the_value_of_a_later_event() -> Non
 
 
 def test_an_event_sets_a_status_word() -> None:
-    swap = "event swap when now > 15 s { change g.status to taken }"
-    with episode(text(swap), seed=1, stage=Stage()) as run:
-        for _ in range(3):
-            run.do()
-        assert run.state("g").status == "taken"
+    """The boat is too far away to take the gauge by its interaction."""
+    swap, far = "event swap when now > 15 s { change g.status to taken }", Stage(places={"boat": (300.0, -1350.0, 0.0)})
+    statuses = {}
+    for event in ("", swap):
+        with episode(text(event), seed=1, stage=far) as run:
+            for _ in range(3):
+                run.do()
+                statuses.setdefault(event, []).append(run.state("g").status)
+    assert statuses == {"": ["waiting"] * 3, swap: ["waiting", "waiting", "taken"]}
 
 
 def test_a_replay_agrees_with_the_episode(tmp_path: Path) -> None:

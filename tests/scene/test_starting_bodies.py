@@ -44,8 +44,6 @@ mission starts "Starts" {{
 }}
 """
 TOWN = "residential { extent = 400 m, blocks = 2 by 2 }"
-THERE = "position ~ subset([({}, {}, {})])"
-"""A drawn place: the text alone does not show that another body is there."""
 
 
 def text(*assets, scene=TOWN):
