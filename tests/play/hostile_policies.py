@@ -266,3 +266,16 @@ class Inventor(Steady):
             calls.sendall(struct.pack("<QB?", len(payload), 0, False) + payload)
             calls.recv(1)
         return Decision(thought="recorded")
+
+
+class Processor(Steady):
+    """Reads what libraries such as cpuinfo read, and changes it."""
+
+    async def act(self, observation, inbox):
+        from pathlib import Path
+
+        text = Path("/proc/cpuinfo").read_text() + Path("/sys/devices/system/cpu/possible").read_text()
+        with suppress(OSError):
+            Path("/proc/cpuinfo").write_text("changed")
+            text = "changed"
+        return Decision(thought=text[:3000])

@@ -294,6 +294,14 @@ def test_a_policy_behind_walls_cannot_record_a_model_call_that_it_has_not_made(t
         assert (bool(record.substituted), is_recorded) == ((False, True) if name == "open" else (True, False)), record
 
 
+def test_the_description_of_the_processor_is_readable_without_its_frequency(tmp_path: Path) -> None:
+    """Libraries choose their fast kernels by it."""
+    record = first_decision(tmp_path, f"{HOSTILE}:Processor", "--isolate")
+    lines = Path("/proc/cpuinfo").read_text().splitlines(keepends=True)
+    constant = "".join(line for line in lines if "MHz" not in line)
+    assert record.decision.thought == (constant + Path("/sys/devices/system/cpu/possible").read_text())[:3000]
+
+
 def first_decision(folder: Path, policy: str, *options: str, **limits: str) -> Any:
     """Play one turn of an attacker. Returns its decision."""
     mission = write_mission(folder, 1, 1, 600.0)

@@ -278,6 +278,11 @@ def programs(config):
 
 
 @attack
+def more_of_proc(config):
+    return found([name for name in os.listdir("/proc") if name != "cpuinfo"])
+
+
+@attack
 def threads(config):
     stop, running = threading.Event(), []
     before = threading.stack_size(64 << 10)

@@ -39,6 +39,11 @@ _HERE = -100
 _DEVICES = ("/dev/null", "/dev/urandom", "/dev/random")
 """The devices inside of the walls. `/dev/zero` is missing, because shared memory can be made of it."""
 
+_PROCESSOR_FILES = (
+    "/proc/cpuinfo", *(f"/sys/devices/system/cpu/{name}" for name in ("online", "possible", "present")),
+)  # fmt: skip
+"""The files of the kernel that describe the processor."""
+
 _PLACE = "/tmp"  # noqa: S108 - a folder that exists everywhere, on which the new root is mounted
 """The folder on which the new root is built."""
 
@@ -64,6 +69,7 @@ def enter_own_root(readable: Iterable[str], folder: str) -> None:
     trees = [(path, _copied(path, _READ_ONLY | _FILES_ONLY)) for path in outermost(real for _, real in named)]
     # A device is none on a mount without devices. It can be written to on a read-only one, and keeps its times there.
     trees += [(path, _copied(path, _READ_ONLY | _NO_USER_ID)) for path in _DEVICES]
+    processor = dict(_processor_files())
     _mount("lingjing", _PLACE, "tmpfs", _NO_SET_USER_ID | _NO_DEVICES, "size=4m,mode=755")
     os.chdir(_PLACE)
     os.makedirs(SCRATCH[1:], exist_ok=True)  # noqa: PTH103 - relative to a root that is not entered yet
@@ -76,7 +82,10 @@ def enter_own_root(readable: Iterable[str], folder: str) -> None:
     for path, real in named:
         if path != real:
             _link(path[1:], real)
-    # No `/proc`: a process's `pagemap` and `io` tell it which files other agents, and earlier ones, have read.
+    # No `/proc` but this: a process's `pagemap` and `io` tell it which files other agents, and earlier ones, have read.
+    for path, text in processor.items():
+        _make_place(path[1:], is_folder=False)
+        Path(path[1:]).write_text(text)
     with contextlib.suppress(OSError):
         os.makedirs(folder.lstrip("/"), exist_ok=True)  # noqa: PTH103
     call("pivot_root", b".", b".")
@@ -84,6 +93,16 @@ def enter_own_root(readable: Iterable[str], folder: str) -> None:
     os.chdir("/")
     _set_attributes(_HERE, b"/", 0, _READ_ONLY)
     os.chdir(folder)
+
+
+def _processor_files() -> Iterator[tuple[str, str]]:
+    """Yield the files from which libraries such as cpuinfo (PyTorch, ONNX Runtime) choose their kernels, as constants:
+    without the frequencies, which change.
+    """
+    for path in _PROCESSOR_FILES:
+        with contextlib.suppress(OSError):
+            lines = Path(path).read_text().splitlines(keepends=True)
+            yield path, "".join(line for line in lines if "MHz" not in line)
 
 
 def outermost(paths: Iterable[str]) -> Iterator[str]:
