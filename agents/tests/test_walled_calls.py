@@ -124,7 +124,8 @@ FOREIGN = '''
 from lingjing.plugins.backbone import ChatMessage
 from lingjing.plugins.calls import ModelQuestion
 from lingjing.plugins.options import Field, PluginOptions
-from lingjing.plugins.policy import Decision
+from lingjing.plugins.policy import Decision, Usage
+from msgspec.structs import replace
 
 
 class Options(PluginOptions):
@@ -149,6 +150,13 @@ class Asker:
         return Decision(thought=(await self.broker.ask(question)).text)
 
 
+class Denier(Asker):
+    """Reports a usage that is too low."""
+
+    async def act(self, observation, inbox):
+        return replace(await super().act(observation, inbox), usage=Usage(calls=0, answers=7))
+
+
 class Forger(Asker):
     """Writes what is no question to its broker."""
 
@@ -158,7 +166,7 @@ class Forger(Asker):
 '''
 
 
-@pytest.mark.parametrize(("name", "thought"), [("Asker", "yes"), ("Forger", "")])
+@pytest.mark.parametrize(("name", "thought"), [("Asker", "yes"), ("Denier", "yes"), ("Forger", "")])
 def test_a_foreign_policy_calls_the_broker_and_an_invalid_question_is_a_policy_error(
     session: Session, mission: Path, tmp_path: Path, name: str, thought: str
 ) -> None:
@@ -175,7 +183,12 @@ def test_a_foreign_policy_calls_the_broker_and_an_invalid_question_is_a_policy_e
     first = next(record for boundary in trace.boundaries for record in boundary.decisions)
     assert first.decision.thought == thought
     assert (first.substituted == "policy_error") == (name == "Forger"), first
-    if name == "Asker":
+    if name != "Forger":
+        record, metrics = recorded_calls(tmp_path / "out"), report.metrics
+        results = [call.result for call in record if call.result is not None]
+        tokens = sum(result.prompt_tokens + result.completion_tokens for result in results)
+        assert metrics is not None and (metrics.calls, metrics.tokens) == (len(record), tokens), "not what it reports"
+        assert tokens > 0
         assert server.requests[0]["messages"] == [{"role": "user", "content": "may I?"}]
         assert msgspec.json.decode(recorded_calls(tmp_path / "out")[0].messages[0])["role"] == "user"
 

@@ -6,9 +6,11 @@ traces that cannot be replayed here, and answers of models, which it can only co
 
 from __future__ import annotations
 
+import math
 import random
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -24,11 +26,14 @@ from lingjing.decoding import from_json
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission, shipped_missions
 from lingjing.errors import LingjingError
+from lingjing.kernel.cities import CityBuilder
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.mission.salts import Salt, public_seed, salt_fault
 from lingjing.play.options import deciding_options, without_folder
 from lingjing.play.report import ABORTED, EpisodeReport, report_of
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.city import content_sha256
 from lingjing.trace.call_store import CALLS_NAME, CallReader
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.seal_check import last_chain
@@ -42,6 +47,9 @@ REMOVED = "its trace was removed"
 NO_TRACE = "its episode has no trace: the policy failed before it began"
 OTHER_CODE = "it was played with other code, so that only its own replay confirms it (--share 1)"
 NOT_SHIPPED = "its rules, except against other rows: its mission is not shipped (--suite FILE)"
+OTHER_ENTITIES = "the places of its entities: it was played with other code"
+OTHER_VERSIONS = "its versions of the benchmark and of the code: it was played with other code"
+ABORT_REMOVED = "its abort: it has no trace"
 OTHER_CITY = "its rules, except against other rows: it was played in another city"
 OLDER_TRACE = "its options such as `blank_pictures`: its trace is from before traces had them"
 OTHER_MISSIONS = "its versions of the benchmark and of the code: they are not those of a shipped suite (--suite FILE)"
@@ -112,7 +120,7 @@ class Auditor:
         audit = Audit()
         counted = [row for row in rows if row.standing == "counted"]
         audit.findings += self._repeated_traces(counted)
-        audit.findings += self._finished_aborts(rows)
+        audit.findings += self._wrong_aborts(rows, audit)
         audit.findings += self._other_versions(counted, audit)
         for row in counted:
             self._check(row, audit)
@@ -134,26 +142,31 @@ class Auditor:
                 yield Finding(row, f"its trace is that of {named(first[row.seal])}")
 
     @cached_property
+    def _cities(self) -> CityBuilder:
+        return CityBuilder(PluginHost())
+
+    @cached_property
     def _missions(self) -> dict[str, Path]:
         """The mission files of the named suite, by the names of the missions."""
         files = mission_files_of(self.suite) if self.suite is not None else ()
         return {_loaded(file).name: file for file in files}
 
-    def _finished_aborts(self, rows: Sequence[SuiteRow]) -> Iterator[Finding]:
+    def _wrong_aborts(self, rows: Sequence[SuiteRow], audit: Audit) -> Iterator[Finding]:
         """Yield a finding for each aborted try that contradicts itself, or that has a trace with a result."""
         for row in rows:
             if row.standing == "counted":
                 continue
-            path = self.folder / row.report.trace
-            try:
-                outcome = read_trace(path).outcome if row.report.trace and path.is_file() else None
-            except LingjingError:
-                outcome = None
+            outcome = None
+            if _is_there(self.folder / row.report.trace):
+                with suppress(LingjingError):
+                    outcome = read_trace(self.folder / row.report.trace).outcome
             fault = next(row_faults(row), "")
             if not fault and outcome is not None and outcome.reason != ABORTED:
                 fault = f"it is {row.standing}, and its trace ends with `{outcome.reason}`"
             if fault:
                 yield Finding(row, fault)
+            elif outcome is None:
+                audit.unchecked[ABORT_REMOVED] += 1
 
     def _other_versions(self, rows: Sequence[SuiteRow], audit: Audit) -> Iterator[Finding]:
         """Yield a finding for each row of this code with versions that its suite's missions do not give."""
@@ -161,9 +174,11 @@ class Auditor:
             files = list(self._missions.values()) or _shipped_files(suite)
             versions = benchmark_version(files), code_sha256(files)
             for row in own:
-                if row.harness != self.code or (row.benchmark, row.code) == versions:
+                if row.harness != self.code:
+                    audit.unchecked[OTHER_VERSIONS] += 1
+                elif (row.benchmark, row.code) == versions:
                     continue
-                if self.suite is not None:
+                elif self.suite is not None:
                     yield Finding(row, "its version of the benchmark or of the code is not that of its suite")
                 else:
                     audit.unchecked[OTHER_MISSIONS] += 1
@@ -176,7 +191,7 @@ class Auditor:
         path = self.folder / row.report.trace
         if not fault and not row.report.trace:
             reason = NO_TRACE if not row.report.digest else NOT_KEPT
-        elif not fault and not path.is_file():
+        elif not fault and not _is_there(path):
             reason = REMOVED
         else:
             reason = ""
@@ -236,7 +251,18 @@ class Auditor:
         except LingjingError as error:
             return f"its mission gives no such instance: {error}"
         name = next((name for name in _RULES if getattr(drawn, name) != getattr(played, name)), "")
-        return f"its {name} is not that of its mission" if name else ""
+        if name:
+            return f"its {name} is not that of its mission"
+        if row.harness != self.code:
+            audit.unchecked[OTHER_ENTITIES] += 1
+            return ""
+        try:
+            placed, city = self._cities.place(drawn)
+        except LingjingError as error:
+            return f"its mission cannot be placed: {error}"
+        if placed.entities != played.entities:
+            return "its entities are not those of its mission"
+        return "" if content_sha256(city) == trace.header.city_sha256 else "its city is not that of its mission"
 
     def _split_fault(self, row: SuiteRow, trace: Trace, audit: Audit) -> str:
         """Return the fault of the instance of a sealed split."""
@@ -278,6 +304,14 @@ class Auditor:
         where = "it has no end" if difference is None else f"`{difference.field}` at boundary {difference.boundary}"
         audit.findings.append(Finding(row, f"a replay differs from its trace: {where}"))
         self.tell(f"{named(row)}: differs in a replay: {where}")
+
+
+def _is_there(path: Path) -> bool:
+    """Return whether the path names a file. The name is that of a row, and may be anything."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _header_fault(row: SuiteRow, trace: Trace) -> str:
@@ -330,8 +364,9 @@ def _by(rows: Iterable[SuiteRow], key: Callable[[SuiteRow], str]) -> list[tuple[
     return list(groups.items())
 
 
-_RULES = ("goal", "settings", "clock", "budget", "agents", "messages", "comms", "rules", "unlocks", "stages",
-          "relations", "success", "failure", "limits", "permits", "constraints", "inspections", "reveals")  # fmt: skip
+_RULES = ("goal", "settings", "clock", "budget", "weather", "regions", "cells", "agents", "messages", "comms", "rules",
+          "unlocks", "stages", "relations", "success", "failure", "limits", "permits", "constraints", "inspections",
+          "reveals")  # fmt: skip
 """The fields of an instance that follow from mission, seed, mode, tier and settings alone, and decide the outcome."""
 
 
@@ -357,16 +392,20 @@ def _report_fault(claimed: EpisodeReport, scored: EpisodeReport) -> str:
 
 
 def _calls_fault(row: SuiteRow, folder: Path, audit: Audit) -> str:
-    """Compare the record of model calls with the row: the number of answers, tokens, and every stored text."""
+    """Compare the record of model calls with the row: the number of answers, tokens, cost, and every stored text.
+
+    A call that was given up at a deadline may be in the row or not: in the last turn no report follows it.
+    """
     metrics, file = row.report.metrics, folder / CALLS_NAME
-    if metrics is None or not metrics.calls:
+    if metrics is None or not (metrics.calls or _is_there(file)):
         return ""
-    if not file.is_file():
+    if not _is_there(file):
         audit.unchecked["its model calls, which have no record"] += 1
         return ""
     reader = CallReader(file)
     try:
-        tokens = calls = 0
+        tokens = calls = abandoned = 0
+        cost_usd = 0.0
         for call in reader.calls():
             for message in (call.head, *call.messages):
                 from_json(message)
@@ -374,15 +413,20 @@ def _calls_fault(row: SuiteRow, folder: Path, audit: Audit) -> str:
                 reader.content(bytes.fromhex(picture))
             if call.tick >= 0 and call.result is not None:
                 tokens += call.result.prompt_tokens + call.result.completion_tokens
+                cost_usd += call.result.cost_usd or 0.0
                 calls += call.result.attempts
+                abandoned += call.result.attempts if call.result.fault == "abandoned" else 0
+        served = ", ".join(reader.served())
     except LingjingError as error:
         return f"its record of model calls is wrong: {error}"
     finally:
         reader.close()
-    if (calls, tokens) != (metrics.calls, metrics.tokens):
+    if metrics.tokens != tokens or not calls - abandoned <= metrics.calls <= calls:
         claimed = f"the row {metrics.calls} with {metrics.tokens}"
         return f"its record holds {calls} model calls with {tokens} tokens, and {claimed}"
-    return ""
+    if not math.isclose(metrics.cost_usd, cost_usd, rel_tol=1e-6, abs_tol=1e-9):
+        return f"its record holds model calls for ${cost_usd:.6f}, and the row claims ${metrics.cost_usd:.6f}"
+    return "" if row.served == served else f"its record names the model `{served}`, and the row `{row.served}`"
 
 
 __all__ = ["LEAST_SHARE", "Audit", "Auditor", "Finding"]

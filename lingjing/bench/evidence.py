@@ -74,6 +74,10 @@ def row_faults(row: SuiteRow) -> Iterator[str]:
         yield f"it counts as a success, and its reason is `{report.reason}`"
     if (row.standing == "counted") == (report.reason in (ABORTED, INTERRUPTED)):
         yield f"it is {row.standing}, and its reason is `{report.reason}`"
+    if row.standing == "counted" and report.success and not report.digest:
+        yield "it counts as a success of an episode without a digest"
+    if report.privileged and not row.privileged:
+        yield "its report is of a player with the truth, and the row does not say so"
     if report.seed != row.seed:
         yield f"its seed is {row.seed}, and that of its report {report.seed}"
 

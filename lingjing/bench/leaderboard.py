@@ -20,7 +20,7 @@ OPEN = (
     "not ranked: episodes were lost, or aborted without a later result, or played again after an abort that the "
     "entrant may have caused"
 )
-FEWER = "not ranked: some seeds that others have played are missing"
+FEWER = "not ranked: some seeds that others have played are missing (--seeds A-B and --missions choose equal ones)"
 SHOWN = "not ranked: observes the ground truth"
 
 
@@ -38,46 +38,55 @@ def ranking(rows: Sequence[SuiteRow]) -> list[tuple[str, float]]:
     """Return entrants with their averages, the best first. Entrants with missing columns or seeds, or with open
     episodes, have nan and come last.
     """
+    return _averages(rows, _unranked(rows, unresolved_entrants(rows)))
+
+
+def _averages(rows: Sequence[SuiteRow], reasons: Mapping[str, str]) -> list[tuple[str, float]]:
     columns = columns_of(row for row in rows if row.standing == "counted")
-    reasons = _unranked(rows)
     averages = [
         (name, math.nan if reason else average_of([row for row in rows if row.entrant == name], columns))
         for name, reason in reasons.items()
+        if any(row.entrant == name for row in rows)
     ]
     return sorted(
         averages, key=lambda item: (math.isnan(item[1]), -item[1] if not math.isnan(item[1]) else 0.0, item[0])
     )
 
 
-def _unranked(rows: Sequence[SuiteRow]) -> dict[str, str]:
+def _unranked(rows: Sequence[SuiteRow], unresolved: frozenset[str]) -> dict[str, str]:
     """Return the reason for which each entrant has no rank; "" for one that has.
 
-    Entrants are ranked on equal seeds: one that chose its own could leave out those that it loses.
+    Entrants are ranked on equal seeds: one that chose its own could leave out those that it loses. The seeds are those
+    of all that play without the truth, ranked or not, so that a second entrant cannot lower them.
     """
-    unresolved = unresolved_entrants(rows)
     columns = set(columns_of(row for row in rows if row.standing == "counted"))
     played: dict[str, set[tuple[str, str, int]]] = {}
-    privileged = {row.entrant for row in rows if row.privileged}
+    required: set[tuple[str, str, int]] = set()
     for row in rows:
         played.setdefault(row.entrant, set())
         if row.standing == "counted":
             played[row.entrant].add((row.mission, row.mode, row.seed))
-    reasons = {
-        name: OPEN if name in unresolved else UNRANKED if {key[:2] for key in keys} != columns else ""
-        for name, keys in played.items()
-    }
-    compared = [played[name] for name, reason in reasons.items() if not reason and name not in privileged]
-    required = set().union(*compared)
-    return {name: reason or (FEWER if required - played[name] else "") for name, reason in reasons.items()}
+        if not row.privileged:
+            required.add((row.mission, row.mode, row.seed))
+
+    def reason(name: str) -> str:
+        if name in unresolved:
+            return OPEN
+        if {key[:2] for key in played[name]} != columns:
+            return UNRANKED
+        return FEWER if required - played[name] else ""
+
+    return {name: reason(name) for name in played}
 
 
 def _ranking(rows: Sequence[SuiteRow], audits: Mapping[str, AuditMark]) -> ResultTable:
     plain = [row for row in rows if not row.condition]
     counted, left_open = [row for row in plain if row.standing == "counted"], open_rows(plain)
-    columns, unresolved, reasons = columns_of(counted), unresolved_entrants(plain), _unranked(plain)
+    unresolved = unresolved_entrants(rows)
+    columns, reasons = columns_of(counted), _unranked(plain, unresolved)
     lines: list[ResultLine] = []
     listed, place, last = 0, 0, math.nan
-    for name, average in ranking([*counted, *left_open]):
+    for name, average in _averages([*counted, *left_open], reasons):
         own = [row for row in (*counted, *left_open) if row.entrant == name]
         privileged = any(row.privileged for row in own)
         group = SHOWN if privileged else reasons[name]
@@ -98,7 +107,11 @@ def _ranking(rows: Sequence[SuiteRow], audits: Mapping[str, AuditMark]) -> Resul
     )
     salts = {row.salt_sha256 for row in counted}
     drawn_apart = "the seeds of policies were drawn from more than one salt: see the table of entrants"
-    notes = (note, evidence, *[drawn_apart] * (len(salts) > 1), *standing_notes(rows))
+    conditional = "rows with a condition are in no rank; `lingjing bench table --kind conditions` shows them"
+    has_conditions = any(row.condition for row in rows)
+    notes = (
+        note, evidence, *[drawn_apart] * (len(salts) > 1), *[conditional] * has_conditions, *standing_notes(rows),
+    )  # fmt: skip
     return ResultTable("ranking", "Task success rate (TSR, %)", ("", "Entrant"), heads, tuple(lines), notes)
 
 

@@ -36,6 +36,7 @@ def merge_rows(placed: Sequence[tuple[Path, SuiteRow]], *, other_code: bool = Fa
         _check_alike("code", placed, _KEPT_APART)
     _check_alike("split_sha256", placed, "results of a sealed split and of public seeds, or of two splits, stay apart")
     _check_options(placed)
+    _check_columns(placed)
     check_tiers(row for _, row in placed)
     episodes: dict[tuple[Hashable, ...], list[tuple[Path, SuiteRow]]] = {}
     for place, row in placed:
@@ -90,6 +91,20 @@ def _check_options(placed: Iterable[tuple[Path, SuiteRow]]) -> None:
                 f"{_named(row)} has different options in `{place}` and `{other_place}`",
                 hint="give one of the two entrants another name in its suite",
             )
+
+
+def _check_columns(placed: Iterable[tuple[Path, SuiteRow]]) -> None:
+    """Raise `UsageError` if two entrants played a column in different settings, cities or with other evaluators."""
+    first: dict[tuple[str, str, str], tuple[Path, SuiteRow]] = {}
+    for place, row in placed:
+        other_place, other = first.setdefault((row.mission, row.mode, row.condition), (place, row))
+        for name in ("settings", "scene", "evaluators"):
+            if getattr(row.options, name) != getattr(other.options, name):
+                raise UsageError(
+                    f"{_named(row)} in `{place}` and {_named(other)} in `{other_place}` have different {name}: "
+                    f"{getattr(row.options, name)!r} and {getattr(other.options, name)!r}",
+                    hint="one of the rows is of another condition, or was changed",
+                )
 
 
 def _outcome(row: SuiteRow) -> tuple[object, ...]:

@@ -98,9 +98,13 @@ def stored_columns() -> dict[str, str]:
 
 def _decoded(table: pa.Table, file: Path) -> Iterator[SuiteRow]:
     names = [name for name in SuiteRow.__struct_fields__ if name in table.schema.names]
-    known = [name for name in _schema(_arrow()).names if name in table.schema.names and name not in _AS_JSON]
-    queried = table.select(known).to_pylist()
-    for at, plain in enumerate(table.select(names).to_pylist()):
+    arrow = _arrow()
+    known = [name for name in _schema(arrow).names if name in table.schema.names and name not in _AS_JSON]
+    try:
+        queried, stored = table.select(known).to_pylist(), table.select(names).to_pylist()
+    except (arrow.ArrowException, KeyError, ValueError, OverflowError) as error:
+        raise UsageError(f"the columns of `{file}` cannot be read: {error}", hint=f"it is foreign; {_MOVE}") from error
+    for at, plain in enumerate(stored):
         try:
             whole = {name: json.loads(value) if name in _AS_JSON else value for name, value in plain.items()}
             row = converted(whole, SuiteRow)

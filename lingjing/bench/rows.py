@@ -54,6 +54,8 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
     """The models that the service named in its answers, with commas; empty if it named none."""
     privileged: bool = False
     """True if one of the entrant's policies observes the ground truth."""
+    foreign: bool | None = None
+    """True if one of the entrant's policies is not this project's; None in rows from before the field."""
     policy_seed: int = 0
     """The seed of the policies' own random streams."""
     salt_sha256: str = ""

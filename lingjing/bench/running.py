@@ -357,6 +357,7 @@ class SuiteRun:
             model=cell.player.model.name if cell.player.model else "",
             served=_served(self._folder(episode) / CALLS_NAME),
             privileged=cell.player.privileged or report.privileged,
+            foreign=cell.player.foreign,
             policy_seed=options.policy_seed,
             salt_sha256=fingerprint(self.results.salt()),
             split_sha256=self.split_sha256,

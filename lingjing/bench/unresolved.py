@@ -3,9 +3,9 @@
 A lost episode has no result. An episode that was played again after a failure of its entrant's own service has a
 result that the entrant could choose: the service could fail only when the policy loses. The same holds for a policy
 that ends a process of the harness or removes its trace, because it runs on the same machine. Such a result counts in
-the rates, and the worst case counts it as a failure. It is certain if an entrant with this project's code was aborted
-by the same cause at the same time: then the cause was the network, the machine or a common service. An entrant with
-code of its own proves nothing of that, because one person may bring several.
+the rates, and the worst case counts it as a failure. It is certain if another entrant was aborted by the same cause at
+the same time: then the cause was the network, the machine or a common service. An entrant with code or a service of its
+own proves nothing of that, because one person may bring several.
 
 An aborted try without a later result is open too: else a defeat that is called an abort would leave the table.
 """
@@ -54,18 +54,25 @@ def with_marked_names(rows: Sequence[SuiteRow], unresolved: frozenset[str]) -> l
 def _is_alone(row: SuiteRow, aborts: Sequence[SuiteRow]) -> bool:
     """Return whether the entrant may have caused the abort and no trusted one was aborted so at the same time."""
     cause = row.report.cause
+    if cause == "service" and _has_own_service(row):
+        return True
     others = (
-        other
-        for other in aborts
-        if other.entrant != row.entrant and other.report.cause == cause and not _has_own_code(other)
+        other for other in aborts if other.entrant != row.entrant and other.report.cause == cause and _is_trusted(other)
     )
     return bool(cause) and not any(_is_at_once(row, other) for other in others)
 
 
-def _has_own_code(row: SuiteRow) -> bool:
-    """Return whether the entrant's policies are files, or not this project's. `bench` plays those behind walls."""
+def _is_trusted(row: SuiteRow) -> bool:
+    """Return whether the entrant plays this project's code and has no service of its own. Its abort can then be caused
+    by no person who brings an entrant.
+    """
     policies = (row.options.policy, *row.options.policies_for.values())
-    return row.options.isolate != "no" or any(is_file(policy) for policy in policies)
+    return not row.foreign and not any(map(is_file, policies)) and not _has_own_service(row)
+
+
+def _has_own_service(row: SuiteRow) -> bool:
+    """Return whether the options name the address of the model's service, which may be the entrant's own."""
+    return any(row.options.policy_args.get(name) for name in ("base_url", "base_url_env"))
 
 
 def _is_at_once(row: SuiteRow, other: SuiteRow) -> bool:

@@ -72,6 +72,7 @@ def add_options(parser: ArgumentParser) -> None:
     _add_results(board)
     board.add_argument("-o", "--output", metavar="OUT.html", help="a file (default: standard output)")
     board.add_argument("--seeds", metavar="A-B", help="only these seeds, both ends included")
+    board.add_argument("--missions", metavar="NAME", nargs="+", help="only these missions")
     board.set_defaults(handler=_leaderboard)
     card = actions.add_parser("card", help="write a dataset card of results", description=_card.__doc__)
     _add_results(card)
@@ -362,6 +363,11 @@ def _leaderboard(args: argparse.Namespace) -> int:
         rows = [row for row in rows if row.seed in seeds]
         if not rows:
             raise UsageError(f"--seeds {args.seeds}: the results hold none of these seeds")
+    if args.missions:
+        unknown = sorted(set(args.missions) - {row.mission for row in rows})
+        if unknown:
+            raise UsageError(f"--missions: the results hold no episode of {', '.join(f'`{name}`' for name in unknown)}")
+        rows = [row for row in rows if row.mission in args.missions]
     write_output(leaderboard(rows, audit_marks(args.results)), args.output)
     return ExitCode.OK
 

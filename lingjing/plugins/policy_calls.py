@@ -87,13 +87,17 @@ class PolicyCalls:
 
     def _add(self, result: CallResult) -> None:
         with self._lock:
-            spent = self._usage
-            self._usage = Usage(
-                calls=spent.calls + result.attempts,
-                prompt_tokens=spent.prompt_tokens + result.prompt_tokens,
-                completion_tokens=spent.completion_tokens + result.completion_tokens,
-                cost_usd=spent.cost_usd + (result.cost_usd or 0.0),
-            )
+            self._usage = with_result(self._usage, result)
+
+
+def with_result(spent: Usage, result: CallResult) -> Usage:
+    """Return the usage with that of a further call."""
+    return Usage(
+        calls=spent.calls + result.attempts,
+        prompt_tokens=spent.prompt_tokens + result.prompt_tokens,
+        completion_tokens=spent.completion_tokens + result.completion_tokens,
+        cost_usd=spent.cost_usd + (result.cost_usd or 0.0),
+    )
 
 
 class _CountedBroker:

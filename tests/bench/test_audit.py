@@ -15,12 +15,14 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing.bench.auditing import Audit, Auditor
+from lingjing.bench.auditing import Audit, Auditor, _calls_fault
 from lingjing.bench.merging import merge_rows
 from lingjing.bench.version import _meaning, benchmark_version
-from lingjing.data import data_path
 from lingjing.errors import ExitCode, UsageError
+from lingjing.plugins.calls import CallRequest, CallResult
 from lingjing.testing import compiled, instantiate, run_command
+from lingjing.trace.call_store import CallStore
+from lingjing.trace.calls import CalledEpisode
 from tests.bench.suite_kit import (
     RESULTS,
     TRIP,
@@ -37,7 +39,7 @@ from tests.bench.suite_kit import (
     row_sha256,
     without_places,
 )
-from tests.play.report_kit import ABORTED
+from tests.play.report_kit import ABORTED, made_report
 from tools.python_forks import run_python
 
 SUITE = """
@@ -274,6 +276,84 @@ def test_other_rules_than_those_of_the_suites_own_mission_are_found(
     assert "wrong: oracle" not in out
 
 
+@pytest.mark.parametrize("field", ["weather", "budget", "entities"])
+def test_each_part_of_an_instance_is_compared_with_its_mission(
+    results: Path, played: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, field: str
+) -> None:
+    """Another instance of the mission of the suite: as if its file had been another one."""
+
+    def changed(*arguments: object, **named: object) -> object:
+        drawn = instantiate(*arguments, **named)
+        value = getattr(drawn, field)
+        if field == "entities":
+            first, *others = value
+            x, y, z = first.position
+            value = (msgspec.structs.replace(first, position=(x, y + 5.0, z)), *others)
+        elif field == "weather":
+            value = msgspec.structs.replace(value, visibility_m=value.visibility_m + 1.0)
+        else:
+            value = msgspec.structs.replace(value, ticks=value.ticks + 1)
+        return msgspec.structs.replace(drawn, **{field: value})
+
+    monkeypatch.setattr("lingjing.bench.auditing.instantiate", changed)
+    code, out = audited(results, capsys, "--suite", str(played / "trips.toml"))
+    assert code == ExitCode.MISSION and out.count("wrong:") == 6
+    assert f"its {field} {'are not those' if field == 'entities' else 'is not that'} of its mission" in out
+
+
+def test_what_other_code_and_removed_aborts_leave_open_is_named(
+    results: Path, played: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    aborted = made_row(seed=7, success=False, standing="aborted")
+    rows = [msgspec.structs.replace(row, harness="0" * 64, benchmark="0" * 64) for row in read_results(results)]
+    (results / RESULTS).write_bytes(encode_rows([*rows, aborted]))
+    out = audited(results, capsys, "--suite", str(played / "trips.toml"), "--share", "1")[1]
+    assert "not checked: 6 rows: its versions of the benchmark and of the code: it was played with other code" in out
+    assert "not checked: 6 rows: the places of its entities: it was played with other code" in out
+    assert "not checked: 1 row: its abort: it has no trace" in out
+
+
+def test_a_row_that_hides_the_truth_of_its_player_is_refused() -> None:
+    honest = made_row()
+    hidden = msgspec.structs.replace(honest, report=msgspec.structs.replace(honest.report, privileged=True))
+    assert list(row_faults(hidden)) == ["its report is of a player with the truth, and the row does not say so"]
+    assert list(row_faults(made_row(report=made_report(seed=0, digest="")))) == [
+        "it counts as a success of an episode without a digest"
+    ]
+
+
+def test_a_path_that_no_file_can_have_is_a_removed_trace(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rewrite(results, lambda row: of_idle(row, trace="x" * 5000))
+    assert "not checked: 3 rows: its trace was removed" in audited(results, capsys)[1]
+
+
+@pytest.mark.parametrize(
+    ("metrics", "served", "reason"),
+    [
+        ({"calls": 1, "tokens": 30, "cost_usd": 0.01}, "m-1", ""),
+        ({"calls": 2, "tokens": 30, "cost_usd": 0.01}, "m-1", ""),  # one was given up at a deadline
+        ({"calls": 0, "tokens": 0, "cost_usd": 0.0}, "m-1", "its record holds 2 model calls with 30 tokens"),
+        ({"calls": 3, "tokens": 30, "cost_usd": 0.01}, "m-1", "its record holds 2 model calls with 30 tokens"),
+        ({"calls": 1, "tokens": 30, "cost_usd": 0.0}, "m-1", "its record holds model calls for $0.010000, and the row"),
+        ({"calls": 1, "tokens": 30, "cost_usd": 0.01}, "m-2", "its record names the model `m-1`, and the row `m-2`"),
+    ],
+)
+def test_calls_tokens_cost_and_model_are_those_of_the_record(
+    tmp_path: Path, metrics: dict[str, object], served: str, reason: str
+) -> None:
+    episode = CalledEpisode(mission="ssr", mode="star", seed=0)
+    store = CallStore(tmp_path / "calls.sqlite", episode)
+    answer = CallResult(text="a", prompt_tokens=20, completion_tokens=10, cost_usd=0.01, served="m-1")
+    for number, result in enumerate((answer, CallResult(failure="late", fault="abandoned"))):
+        request = CallRequest(tick=1, number=number, head=b"{}", messages=())
+        store.begin("a", request, None)
+        store.end("a", request, result)
+    store.close()
+    row = made_row(metrics=metrics, served=served)
+    assert _calls_fault(row, tmp_path, Audit()).startswith(reason)
+    assert bool(_calls_fault(row, tmp_path, Audit())) == bool(reason)
+
+
 def test_a_trace_from_before_options_were_recorded_is_named(
     results: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -413,7 +493,8 @@ def test_the_benchmark_version_changes_with_the_text_of_a_mission(tmp_path: Path
     mission = tmp_path / "trip.ljs"
     mission.write_text(TRIP)
     first = benchmark_version([mission])
-    assert benchmark_version([mission]) == first != benchmark_version([data_path("scenarios", "ssr.ljs")])
+    shipped = Path(lingjing.__file__).parents[1] / "scenarios" / "ssr.ljs"
+    assert benchmark_version([mission]) == first != benchmark_version([shipped])
     mission.write_text(TRIP.replace("51.5 m", "60 m"))
     assert benchmark_version([mission]) != first
 
@@ -489,6 +570,24 @@ def test_the_result_is_printed_if_the_marks_cannot_be_stored(results: Path, caps
     audit_file(results).mkdir()
     code, out = audited(results, capsys)
     assert code == ExitCode.USAGE and "audited: 6 of 6 rows" in out
+
+
+@pytest.mark.parametrize("fault", ["twice", "text", "time"])
+def test_a_column_that_no_suite_writes_is_one_message(results: Path, fault: str) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as parquet
+
+    table = parquet.read_table(results / RESULTS)
+    if fault == "twice":
+        table = table.append_column(table.schema.field("seed"), table["seed"])
+    else:
+        text = pa.array([b"\xff"] * len(table)).view(pa.string())
+        time = pa.array([2**62] * len(table), pa.timestamp("us"))
+        name, column = ("model", text) if fault == "text" else ("detail", time)
+        table = table.set_column(table.schema.get_field_index(name), name, column)
+    parquet.write_table(table, results / RESULTS)
+    with pytest.raises(UsageError, match=r"cannot be read|contradicts itself"):
+        read_results(results)
 
 
 def test_a_report_with_a_hundred_thousand_lists_in_each_other_is_one_message(results: Path) -> None:

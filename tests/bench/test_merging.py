@@ -15,7 +15,7 @@ from lingjing.bench.merging import merge_results
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import run_command
 from tests.bench.suite_kit import SuiteRow, encode_rows, leaderboard, made_row, ranking, read_results
-from tests.play.report_kit import blank_metrics
+from tests.play.report_kit import ABORTED, blank_metrics, made_report
 
 
 def written(folder: Path, name: str, *rows: SuiteRow) -> Path:
@@ -147,6 +147,36 @@ def test_an_entrant_that_chose_its_seeds_has_no_rank() -> None:
     assert [name for name, _ in ranking([*oracle, *equal])][:2] == ["chooser", "oracle"], "the oracle sets no bar"
 
 
+def test_an_open_entrant_cannot_lower_the_seeds_that_others_need() -> None:
+    """`helper` has every seed and an aborted try, so that it has no rank itself."""
+    few = [row for row in entrant("few", 12) if row.seed == 0]
+    report = made_report(seed=5, success=False, reason=ABORTED, cause="service")
+    helper = [*entrant("helper", 3), made_row(entrant="helper", mission="bi", mode="single", seed=5, tries=2,
+                                              standing="aborted", report=report)]  # fmt: skip
+    rows = [*few, *helper]
+    assert [name for name, average in ranking(rows) if average == average] == []
+    assert "not ranked: some seeds" in leaderboard(rows)
+
+
+def test_an_abort_that_hides_in_a_condition_marks_its_entrant() -> None:
+    report = made_report(seed=11, success=False, reason=ABORTED, cause="service")
+    hidden = made_row(
+        entrant="sly", mission="bi", mode="single", seed=11, standing="lost", condition="x", report=report
+    )
+    page = leaderboard([*entrant("fair", 9), *entrant("sly", 12), hidden])
+    assert page.index(">fair<") < page.index("not ranked: episodes were lost") < page.index(">sly ‡<")
+
+
+def test_rows_of_one_column_with_different_settings_are_not_merged(tmp_path: Path) -> None:
+    easy = PlayOptions(mission="ssr", policy="p", settings={"uavs": 2.0})
+    places = [
+        written(tmp_path, "a", made_row(entrant="a")),
+        written(tmp_path, "b", made_row(entrant="b", options=easy)),
+    ]
+    with pytest.raises(UsageError, match=r"have different settings: .*uavs"):
+        merge_results(places)
+
+
 def test_the_leaderboard_of_some_seeds_ranks_on_these(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place = tmp_path / "all.parquet"
     place.write_bytes(encode_rows([*entrant("weak", 3), *[row for row in entrant("few", 9) if row.seed < 4]]))
@@ -154,6 +184,10 @@ def test_the_leaderboard_of_some_seeds_ranks_on_these(tmp_path: Path, capsys: py
     assert "not ranked: some seeds" in capsys.readouterr().out
     assert run_command(["bench", "leaderboard", str(place), "--seeds", "0-3"]) == ExitCode.OK
     assert "not ranked" not in capsys.readouterr().out
+    assert run_command(["bench", "leaderboard", str(place), "--missions", "bi", "--seeds", "0-3"]) == ExitCode.OK
+    assert "VDN" not in capsys.readouterr().out
+    assert run_command(["bench", "leaderboard", str(place), "--missions", "cd"]) == ExitCode.USAGE
+    assert "the results hold no episode of `cd`" in capsys.readouterr().err
     assert run_command(["bench", "leaderboard", str(place), "--seeds", "50-60"]) == ExitCode.USAGE
     assert "the results hold none of these seeds" in capsys.readouterr().err
 

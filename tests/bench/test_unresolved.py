@@ -18,6 +18,10 @@ from tests.play.report_kit import ABORTED, made_report
 GONE = f"{SERVICE_GONE}the harness gets no answer for `a` either: refused"
 
 
+OWN_SERVICE = PlayOptions(mission="ssr", policy="react", policy_args={"base_url": "http://localhost:1/v1"})
+"""The options of an entrant that may switch off its own service at will."""
+
+
 def won(entrant: str, wins: int, of: int) -> list[SuiteRow]:
     return [made_row(entrant=entrant, seed=seed, success=seed < wins) for seed in range(of)]
 
@@ -78,7 +82,8 @@ def test_a_win_after_an_outage_of_the_entrants_service_is_a_failure_in_the_worst
         ({"entrant": "a", "ended_unix_s": 1e9 + AT_ONCE_S + 1}, True),
         ({"entrant": "sly", "ended_unix_s": 1e9}, True),
         ({"entrant": "a"}, True),
-        ({"entrant": "a", "ended_unix_s": 1e9, "options": PlayOptions(mission="ssr", isolate="yes")}, True),
+        ({"entrant": "a", "ended_unix_s": 1e9, "foreign": True}, True),
+        ({"entrant": "a", "ended_unix_s": 1e9, "options": OWN_SERVICE}, True),
         ({"entrant": "a", "ended_unix_s": 1e9, "options": PlayOptions(mission="ssr", policy="b.py:B")}, True),
     ],
 )
@@ -88,6 +93,13 @@ def test_an_abort_is_resolved_if_an_entrant_with_this_projects_code_has_the_same
     entrant = str(other.pop("entrant"))
     aborted = [ended("sly", 3, "aborted", ended_unix_s=1e9), ended(entrant, 4, "aborted", **other)]
     assert ("sly" in unresolved_entrants([*won("a", 9, 10), *won("sly", 10, 10), *aborted])) is is_open
+
+
+def test_an_abort_of_an_own_service_is_open_whoever_else_was_aborted() -> None:
+    aborted = [
+        ended("sly", 3, "aborted", ended_unix_s=1e9, options=OWN_SERVICE), ended("a", 4, "aborted", ended_unix_s=1e9),
+    ]  # fmt: skip
+    assert unresolved_entrants([*won("a", 9, 10), *won("sly", 10, 10), *aborted]) == {"sly", "a"}
 
 
 @pytest.mark.parametrize("cause", [cause for cause in get_args(AbortCause) if cause])

@@ -241,6 +241,9 @@ class Hoarder(Steady):
     """Fills pages and makes them read-only, so that RLIMIT_DATA does not count them."""
 
     async def act(self, observation, inbox):
+        return self.hoard()
+
+    def hoard(self):
         library = ctypes.CDLL(None, use_errno=True)
         library.mmap.restype = ctypes.c_void_p
         library.mmap.argtypes = (ctypes.c_void_p, ctypes.c_size_t, *[ctypes.c_int] * 3, ctypes.c_long)
@@ -251,6 +254,17 @@ class Hoarder(Steady):
             ctypes.memset(place, 1, size)
             assert library.mprotect(place, size, read) == 0
         return Decision(thought="1 GB")
+
+
+class LateHoarder(Hoarder):
+    """Answers at once, and fills pages while the others have their turns."""
+
+    async def act(self, observation, inbox):
+        if self.brief.agent.endswith("[1]"):
+            threading.Thread(target=self.hoard, daemon=True).start()
+        else:
+            time.sleep(1.0)
+        return Decision()
 
 
 class Inventor(Steady):

@@ -286,6 +286,24 @@ def test_a_policy_that_breaks_its_limit_in_its_first_call_loses_its_turns(
     assert (record.substituted, record.detail) == ("policy_error", detail)
 
 
+def test_memory_that_a_policy_fills_after_its_answer_costs_its_next_turn(tmp_path: Path) -> None:
+    limit = {"LINGJING_POLICY_MEMORY_GB": "0.5"}
+    made = decisions(tmp_path, f"{HOSTILE}:LateHoarder", "--isolate", agents=2, turns=2, **limit)
+    details = [record.detail for record in made if record.agent == "skipper[1]"]
+    assert details == ["", "its process used more than 0.5 GB of memory"]
+
+
+@pytest.mark.parametrize("text", ["inf", "0", "abc"])
+def test_a_wrong_limit_of_memory_is_one_message(tmp_path: Path, text: str) -> None:
+    mission = write_mission(tmp_path, 1, 1, 600.0)
+    done = subprocess.run(
+        [sys.executable, "-m", "lingjing.cli.main", "run", str(mission), "--policy", "idle", "--no-overview"],
+        cwd=tmp_path, env={**os.environ, "LINGJING_POLICY_MEMORY_GB": text}, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 2 and f"LINGJING_POLICY_MEMORY_GB={text}: must be a number above 0" in done.stderr
+
+
 def test_a_policy_behind_walls_cannot_record_a_model_call_that_it_has_not_made(tmp_path: Path) -> None:
     for name, options in (("open", ()), ("walled", ("--isolate",))):
         (tmp_path / name).mkdir()
@@ -304,12 +322,17 @@ def test_the_description_of_the_processor_is_readable_without_its_frequency(tmp_
 
 def first_decision(folder: Path, policy: str, *options: str, **limits: str) -> Any:
     """Play one turn of an attacker. Returns its decision."""
-    mission = write_mission(folder, 1, 1, 600.0)
+    (record,) = decisions(folder, policy, *options, agents=1, turns=1, **limits)
+    return record
+
+
+def decisions(folder: Path, policy: str, *options: str, agents: int, turns: int, **limits: str) -> list[Any]:
+    """Play some turns of attackers. Returns their decisions."""
+    mission = write_mission(folder, agents, turns, 600.0)
     done = subprocess.run(
         [sys.executable, "-m", "lingjing.cli.main", "run", str(mission), "--no-overview", "-o", "out",
          f"--policy={policy}", *options],
         cwd=folder, env={**os.environ, **limits}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
-    (record,) = [made for boundary in read_trace(folder / "out").boundaries for made in boundary.decisions]
-    return record
+    return [made for boundary in read_trace(folder / "out").boundaries for made in boundary.decisions]

@@ -11,6 +11,7 @@ import select
 import signal
 import socket
 import subprocess
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
@@ -30,6 +31,7 @@ from lingjing.play.policy_processes.model_calls import ModelCallService
 from lingjing.play.policy_processes.output import PolicyOutput
 from lingjing.play.policy_processes.servers import PolicyServer, memory_limit
 from lingjing.plugins.calls import ModelCalls
+from lingjing.plugins.policy import Usage
 from lingjing.processes.channel import MAX_DESCRIPTORS, Channel, ChannelClosedError, NoMemoryError
 from lingjing.processes.deadlines import WallDeadline
 from lingjing.processes.fork_client import ForkedProcess
@@ -94,6 +96,9 @@ class PolicyProcess:
         self.is_alive = True
         self._walls = server.walls
         self.wall_report: WallReport | None = None
+        self._ending = threading.Lock()
+        self._memory_limit = memory_limit()
+        self._exceeded = ""
 
     @property
     def pid(self) -> int:
@@ -147,17 +152,20 @@ class PolicyProcess:
         return answer
 
     def check_memory(self) -> None:
-        """End a process behind walls that uses more memory than the limit.
+        """Kill a process behind walls that uses more memory than the limit. Any thread may call this.
 
         RLIMIT_DATA counts pages while they may be written, so a policy escapes it with pages that it fills and then
-        makes read-only (getrlimit(2), mprotect(2)). Raises `EOFError` with the reason.
+        makes read-only (getrlimit(2), mprotect(2)).
         """
-        if self._walls is None or self.wall_report is None:
-            return
-        limit = memory_limit()
-        if private_memory(self.pid) > limit + _UNCOUNTED_BYTES:
-            self.end()
-            raise EOFError(f"its process used more than {limit / 2**30:g} GB of memory")
+        with self._ending:
+            if self.is_alive and private_memory(self.pid) > self._memory_limit + _UNCOUNTED_BYTES:
+                self._exceeded = f"its process used more than {self._memory_limit / 2**30:g} GB of memory"
+                with suppress(ProcessLookupError):
+                    self._process.kill()
+
+    def bill(self) -> Usage:
+        """Return the usage of the model calls that ended since the last bill, as the player has recorded them."""
+        return self._calls.bill()
 
     def has_ended(self, patience_s: float = 0.0) -> bool:
         """Return True if the process has ended, or ends within `patience_s` seconds."""
@@ -169,7 +177,8 @@ class PolicyProcess:
         """Kill the process unless it has ended, and return its end in words. The fork server ends its children."""
         if not self.is_alive:
             return ""
-        self.is_alive = False
+        with self._ending:  # its descriptor is closed below, and its number may then be another process's
+            self.is_alive = False
         with suppress(ProcessLookupError):
             self._process.kill()
         code = self._status()
@@ -180,12 +189,12 @@ class PolicyProcess:
         self._call_channel.close()
         self._process.close()
         self._calls.give_up()
-        return how_it_ended(code)
+        return self._exceeded or how_it_ended(code)
 
     def _error_of_end(self) -> Exception:
         """End the process, and return the error: a process that ends before its walls stand has run no foreign code."""
         ending = self.end()
-        if self._walls is not None and self._process.returncode == -signal.SIGKILL:
+        if self._walls is not None and self._process.returncode == -signal.SIGKILL and not self._exceeded:
             ending += f", as at its limit of {self._walls.cpu_s} s of processor time"
         if self._walls is None or self.wall_report is not None:
             return EOFError(ending)

@@ -25,6 +25,8 @@ from lingjing.play.policy_processes.messages import (
     raised,
 )
 from lingjing.plugins.calls import AbandonedCallError, ModelCalls
+from lingjing.plugins.policy import Usage
+from lingjing.plugins.policy_calls import with_result
 from lingjing.processes.channel import Channel
 from lingjing.trace.calls import CallRequest, CallResult
 
@@ -78,6 +80,12 @@ class ModelCallService:
         self._calls = calls
         self._open: dict[tuple[int, int], CallRequest] = {}
         self._begun: set[tuple[int, int]] = set()
+        self._unbilled = Usage()
+
+    def bill(self) -> Usage:
+        """Return the usage of the calls that ended since the last bill."""
+        usage, self._unbilled = self._unbilled, Usage()
+        return usage
 
     def answer(self, payload: bytes | bytearray) -> bytes:
         """Return the answer to one request. Raises `msgspec.MsgspecError` for an invalid request: one that cannot be
@@ -121,11 +129,18 @@ class ModelCallService:
             self._end(request, CallResult(failure=ENDED, fault="abandoned", unknown_usd=unknown_usd))
 
     def _begin(self, request: CallRequest) -> ModelCallKnown:
-        known = self._calls.begin(request)
+        try:
+            known = self._calls.begin(request)
+        except AbandonedCallError as error:
+            self._unbilled = with_result(self._unbilled, error.result)
+            raise
         if known is None:
             self._open[request.tick, request.number] = request
+        else:
+            self._unbilled = with_result(self._unbilled, known)
         return ModelCallKnown(result=known)
 
     def _end(self, request: CallRequest, result: CallResult) -> None:
         self._open.pop((request.tick, request.number), None)
+        self._unbilled = with_result(self._unbilled, result)
         self._calls.end(request, result)

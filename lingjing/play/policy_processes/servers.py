@@ -43,6 +43,9 @@ MEMORY_GB = 4.0
 """The memory that a policy may allocate, GiB. Chosen: eight times the use of the shipped policies, and enough for a
 small detector on a CPU."""
 
+_MOST_MEMORY_GB = 1e6
+"""The highest limit, GiB. Chosen: its bytes fit the 64 bits of a limit of the kernel."""
+
 NO_WALLS = "policies in the player's own process cannot be isolated"
 """The message for walls around policies that have no process of their own."""
 WALLS_FROM = "use `lingjing run --isolate` or `lingjing bench` on Linux, with engines in processes"
@@ -76,6 +79,7 @@ class OpenServer:
     walls = None
 
     def __init__(self, client: ForkServerClient) -> None:
+        memory_limit()  # a wrong one is an error here, and not in each process
         self.client = client
 
     def start_policy(self, ends: Sequence[int], output: int) -> ForkedProcess:
@@ -105,6 +109,7 @@ class WalledServer:
         keeper: ForkServerClient | None = None,
         open_client: Callable[[], ForkServerClient] | None = None,
     ) -> None:
+        memory_limit()
         self.client = client
         self._open_client = open_client
         self.walls: Walls | None = walls
@@ -156,10 +161,15 @@ def cpu_limit_s() -> int:
 
 
 def memory_limit() -> int:
-    """Return the bytes that a policy may allocate: `LINGJING_POLICY_MEMORY_GB`, or `MEMORY_GB`."""
+    """Return the bytes that a policy may allocate: `LINGJING_POLICY_MEMORY_GB`, or `MEMORY_GB`.
+
+    Raises `UsageError` if the variable holds no number of GB.
+    """
+    text = os.environ.get(MEMORY_VARIABLE, str(MEMORY_GB))
     with suppress(ValueError):
-        return int(float(os.environ.get(MEMORY_VARIABLE, MEMORY_GB)) * 2**30)
-    return int(MEMORY_GB * 2**30)
+        if 0.0 < float(text) <= _MOST_MEMORY_GB:
+            return int(float(text) * 2**30)
+    raise UsageError(f"{MEMORY_VARIABLE}={text}: must be a number above 0, at most {_MOST_MEMORY_GB:,.0f}")
 
 
 def _files_of(spec: str) -> Iterator[str]:

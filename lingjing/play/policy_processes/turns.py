@@ -71,13 +71,6 @@ class Turn:
         else:
             self._end(answer)
 
-    def check_memory(self) -> None:
-        """End the process if it uses too much memory. An answer that it has given then counts for nothing."""
-        try:
-            self.process.check_memory()
-        except EOFError as error:
-            self._end(ended=str(error))
-
     def expire(self) -> None:
         """Handle a passed deadline: cancel the call, or end the process if the call was cancelled before."""
         if self.is_late:
@@ -99,17 +92,12 @@ def wait_for(turns: Iterable[Turn]) -> None:
     An exception during the waiting ends every process without an answer.
     """
     turns = tuple(turns)
-    checked = time.monotonic()
     try:
         while waiting := [turn for turn in turns if not turn.is_over]:
             left_s = min(turn.deadline.left_s() for turn in waiting)
             wait_until_ready([turn.process for turn in waiting], left_s)
-            is_due = time.monotonic() - checked >= _LONGEST_WAIT_S
-            checked = time.monotonic() if is_due else checked
             for turn in waiting:
                 turn.receive()
-                if is_due or turn.is_over:
-                    turn.check_memory()
                 if not turn.is_over and turn.deadline.left_s() <= 0.0:
                     turn.expire()
     except BaseException:
