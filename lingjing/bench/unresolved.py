@@ -63,8 +63,8 @@ def _is_alone(row: SuiteRow, aborts: Sequence[SuiteRow]) -> bool:
 
 
 def _is_trusted(row: SuiteRow) -> bool:
-    """Return whether the entrant plays this project's code and has no service of its own. Its abort can then be caused
-    by no person who brings an entrant.
+    """Return whether the entrant plays this project's code and has no service of its own: then its author cannot
+    cause its abort.
     """
     policies = (row.options.policy, *row.options.policies_for.values())
     return not row.foreign and not any(map(is_file, policies)) and not _has_own_service(row)
