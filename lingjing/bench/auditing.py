@@ -49,7 +49,8 @@ OTHER_CODE = "it was played with other code, so that only its own replay confirm
 NOT_SHIPPED = "its rules, except against other rows: its mission is not shipped (--suite FILE)"
 OTHER_ENTITIES = "the places of its entities: it was played with other code"
 OTHER_VERSIONS = "its versions of the benchmark and of the code: it was played with other code"
-ABORT_REMOVED = "its abort: it has no trace"
+OTHER_RULES = "its rules: they differ from those of its mission, and it was played with other code"
+ABORT_REMOVED = "its abort: it has no trace with an end"
 OTHER_CITY = "its rules, except against other rows: it was played in another city"
 OLDER_TRACE = "its options such as `blank_pictures`: its trace is from before traces had them"
 OTHER_MISSIONS = "its versions of the benchmark and of the code: they are not those of a shipped suite (--suite FILE)"
@@ -116,7 +117,7 @@ class Auditor:
     """The first row of each instance without a known mission, with its rules."""
 
     def audit(self, rows: Sequence[SuiteRow]) -> Audit:
-        """Audit the rows. Of aborted tries, which hold no result, only a trace that has one is a finding."""
+        """Audit the rows. An aborted try is a finding if it contradicts itself, or if its trace has a result."""
         audit = Audit()
         counted = [row for row in rows if row.standing == "counted"]
         audit.findings += self._repeated_traces(counted)
@@ -222,40 +223,37 @@ class Auditor:
             or _report_fault(row.report, report_of(trace, row.report.policy))
             or self._split_fault(row, trace, audit)
             or _calls_fault(row, path.parent, audit)
+            or self._difference_to_others(row, trace, audit)
         )
 
-    def _rules_fault(self, row: SuiteRow, trace: Trace, audit: Audit) -> str:
-        """Return the first difference between the rules in a trace and those that its mission gives.
-
-        Without the mission's file they are compared with those of the other rows of the same instance.
-        """
-        played, options = trace.header.instance, row.options
+    def _file_of(self, row: SuiteRow) -> Path | None:
+        """Return the file of a row's mission; None if it is not known, or was played in another city."""
         file = self._missions.get(row.mission)
         if file is None and row.mission in shipped_missions():
             file = find_mission(row.mission)
-        if file is None or options.scene:
-            audit.unchecked[OTHER_CITY if options.scene else NOT_SHIPPED] += 1
-            rules = {name: getattr(played, name) for name in _RULES}
-            key = (row.mission, row.mode, row.tier, row.language, row.split_sha256, row.seed, options.scene,
-                   tuple(sorted(options.settings.items())))  # fmt: skip
-            first, theirs = self._rules.setdefault(key, (row, rules))
-            name = next((name for name in _RULES if rules[name] != theirs[name]), "")
-            if name and audit.marks.pop(row_sha256(first), None) is not None:  # which of them is right is not known
-                audit.findings.append(Finding(first, f"its {name} is not that of {named(row)}"))
-            return f"its {name} is not that of {named(first)}" if name else ""
+        return None if row.options.scene else file
+
+    def _rules_fault(self, row: SuiteRow, trace: Trace, audit: Audit) -> str:
+        """Return the first difference between the instance in a trace and that which its mission gives."""
+        played, file = trace.header.instance, self._file_of(row)
+        if file is None:
+            return ""
         try:
             drawn = instantiate(
-                _loaded(file), seed=played.seed, mode=played.mode, settings=options.settings, tier=played.tier,
+                _loaded(file), seed=played.seed, mode=played.mode, settings=row.options.settings, tier=played.tier,
                 language=played.language,
             )  # fmt: skip
         except LingjingError as error:
-            return f"its mission gives no such instance: {error}"
-        name = next((name for name in _RULES if getattr(drawn, name) != getattr(played, name)), "")
-        if name:
-            return f"its {name} is not that of its mission"
+            fault = f"its mission gives no such instance: {error}"
+        else:
+            name = next((name for name in _RULES if getattr(drawn, name) != getattr(played, name)), "")
+            fault = f"its {name} is not that of its mission" if name else ""
         if row.harness != self.code:
-            audit.unchecked[OTHER_ENTITIES] += 1
+            audit.unchecked[OTHER_RULES if fault else OTHER_ENTITIES] += 1
             return ""
+        if fault:
+            own = f", the shipped `{row.mission}` (--suite FILE names a suite with its own)"
+            return fault if row.mission in self._missions else f"{fault}{own}"
         try:
             placed, city = self._cities.place(drawn, imported=bool(_loaded(file).origin.places))
         except LingjingError as error:  # a map or a foreign scene may be missing here
@@ -264,6 +262,25 @@ class Auditor:
         if placed.entities != played.entities:
             return "its entities are not those of its mission"
         return "" if content_sha256(city) == trace.header.city_sha256 else "its city is not that of its mission"
+
+    def _difference_to_others(self, row: SuiteRow, trace: Trace, audit: Audit) -> str:
+        """Return the first difference between the rules in a trace and those of an earlier row of the same instance, if
+        the mission is not known.
+
+        Both rows are then wrong, because nothing says which of them is right.
+        """
+        if self._file_of(row) is not None:
+            return ""
+        played, options = trace.header.instance, row.options
+        audit.unchecked[OTHER_CITY if options.scene else NOT_SHIPPED] += 1
+        rules = {name: getattr(played, name) for name in _RULES}
+        key = (row.mission, row.mode, row.tier, row.language, row.split_sha256, row.seed, options.scene,
+               tuple(sorted(options.settings.items())))  # fmt: skip
+        first, theirs = self._rules.setdefault(key, (row, rules))
+        name = next((name for name in _RULES if rules[name] != theirs[name]), "")
+        if name and audit.marks.pop(row_sha256(first), None) is not None:
+            audit.findings.append(Finding(first, f"its {name} is not that of {named(row)}"))
+        return f"its {name} is not that of {named(first)}" if name else ""
 
     def _split_fault(self, row: SuiteRow, trace: Trace, audit: Audit) -> str:
         """Return the fault of the instance of a sealed split."""
@@ -326,12 +343,12 @@ def _header_fault(row: SuiteRow, trace: Trace) -> str:
         "tier": (row.tier, header.instance.tier),
         "language": (row.language, header.instance.language),
         "evaluators": (options.evaluators, header.evaluators),
-        "policy": (row.policy in {binding.policy for binding in header.bindings}, True),
+        "policy": (bool(options.policies_for) or row.policy in {binding.policy for binding in header.bindings}, True),
         "option seed": (options.seed, row.seed),
         "option policy_seed": (options.policy_seed, row.policy_seed),
         "option mode": (options.mode, row.mode),
-        "option policy": (without_folder(options.policy), row.policy),
-        "reported policy": (without_folder(row.report.policy), row.policy),
+        "option policy": (_is_spec_of(row.policy, options.policy), True),
+        "reported policy": (_is_spec_of(row.policy, row.report.policy), True),
         "walls": (options.isolate != "no", bool(header.fingerprint.get("walls"))),
     }
     for name, (claimed, recorded) in played.items():
@@ -342,6 +359,11 @@ def _header_fault(row: SuiteRow, trace: Trace) -> str:
         if name in options.policy_args and options.policy_args[name] != value:
             return f"its option `{name}` is not that of its trace"
     return ""
+
+
+def _is_spec_of(policy: str, spec: str) -> bool:
+    """Return whether a policy's name is that of a spec: `agent.py:Agent` may be given as `./agent.py`."""
+    return policy == without_folder(spec) or policy.startswith(f"{without_folder(spec)}:")
 
 
 def _options_fault(row: SuiteRow, trace: Trace, audit: Audit) -> str:
@@ -418,7 +440,7 @@ def _calls_fault(row: SuiteRow, folder: Path, audit: Audit) -> str:
                 calls += call.result.attempts
                 abandoned += call.result.attempts if call.result.fault == "abandoned" else 0
         served = ", ".join(reader.served())
-    except LingjingError as error:
+    except (LingjingError, msgspec.MsgspecError, ValueError) as error:
         return f"its record of model calls is wrong: {error}"
     finally:
         reader.close()

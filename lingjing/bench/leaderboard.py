@@ -12,7 +12,7 @@ from lingjing.bench.rows import SuiteRow
 from lingjing.bench.running import cost_of
 from lingjing.bench.table_cells import PRIVILEGED, UNAUDITED, UNRESOLVED, ResultCell, ResultLine, ResultTable, plain
 from lingjing.bench.tables import average_cell, average_of, column_head, make_tables, rate_cell, standing_notes
-from lingjing.bench.unresolved import open_rows, unresolved_entrants
+from lingjing.bench.unresolved import SERVICE_OPTIONS, open_rows, unresolved_entrants
 from lingjing.play.options import PlayOptions
 
 UNRANKED = "not ranked: some columns were not played"
@@ -20,12 +20,12 @@ OPEN = (
     "not ranked: episodes were lost, or aborted without a later result, or played again after an abort that the "
     "entrant may have caused"
 )
-FEWER = "not ranked: some seeds that others have played are missing (--seeds A-B and --missions choose equal ones)"
+FEWER = "not ranked: some seeds that others have played are missing (--seeds, --missions and --modes choose equal ones)"
 SHOWN = "not ranked: observes the ground truth"
 
 
 def leaderboard(rows: Sequence[SuiteRow], marks: Mapping[str, AuditMark] | None = None) -> str:
-    """Return the page. Entrants with every column are ranked; the others and privileged ones follow.
+    """Return the page. Entrants with every column and seed are ranked; the others and privileged ones follow.
 
     `marks` are those of audits (`evidence.audit_marks`): entrants with other rows are marked.
     """
@@ -142,15 +142,12 @@ _SHOWN_APART = frozenset(
 )  # fmt: skip
 """The options that the page shows elsewhere, or that decide nothing."""
 
-_ENDPOINT = ("base_url", "base_url_env", "client", "models")
-"""The options of a policy that name the service of its model."""
-
 
 def _options(rows: Sequence[SuiteRow]) -> str:
     """Return the options of an entrant that differ from the defaults, other than those of its model's service."""
     default, words = PlayOptions(mission=""), dict[str, None]()
     for row in rows:
-        arguments = {name: value for name, value in row.options.policy_args.items() if name not in _ENDPOINT}
+        arguments = {name: value for name, value in row.options.policy_args.items() if name not in SERVICE_OPTIONS}
         words |= dict.fromkeys(f"{name}={value}" for name, value in sorted(arguments.items()))
         for name in sorted(set(PlayOptions.__struct_fields__) - _SHOWN_APART - {"policy_args"}):
             if (value := getattr(row.options, name)) != getattr(default, name):
@@ -162,7 +159,8 @@ def _options(rows: Sequence[SuiteRow]) -> str:
 def _endpoints(rows: Sequence[SuiteRow]) -> str:
     """Return the services of an entrant's model; a dash without options that name one."""
     options = (row.options.policy_args for row in rows)
-    words = dict.fromkeys(str(arguments[name]) for arguments in options for name in _ENDPOINT if arguments.get(name))
+    named = (arguments.get(name) for arguments in options for name in SERVICE_OPTIONS)
+    words = dict.fromkeys(str(value) for value in named if value)
     return ", ".join(words) or "–"
 
 

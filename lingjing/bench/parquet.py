@@ -108,6 +108,7 @@ def _decoded(table: pa.Table, file: Path) -> Iterator[SuiteRow]:
         try:
             whole = {name: json.loads(value) if name in _AS_JSON else value for name, value in plain.items()}
             row = converted(whole, SuiteRow)
+            flat = _flat(row)
         except (msgspec.ValidationError, ValueError, TypeError, RecursionError) as error:
             made = f"lingjing {plain.get('version') or 'of an unknown version'}, code {str(plain.get('code'))[:12]}"
             hint = (
@@ -115,7 +116,6 @@ def _decoded(table: pa.Table, file: Path) -> Iterator[SuiteRow]:
                 "score its kept traces with this one: lingjing report FOLDER/runs"
             )
             raise UsageError(f"row {at} of `{file}` cannot be read: {error}", hint=hint) from error
-        flat = _flat(row)
         changed = next((name for name in known if _differs(queried[at][name], flat.get(name))), "")
         if changed:
             raise UsageError(

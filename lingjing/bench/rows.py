@@ -169,7 +169,8 @@ def code_sha256(missions: Iterable[Path]) -> str:
     of the core and of the agents.
     """
     library = sorted((*data_path("std").glob("*.ljs"), *data_path("scenarios").glob("*.ljs")))  # missions extend others
-    digest = hashlib.sha256(b"".join(path.read_bytes() for path in (*sorted(missions), *library)))
+    named = sorted((path.name, path.read_bytes()) for path in missions)  # not by folder: it differs between machines
+    digest = hashlib.sha256(b"".join((*(content for _, content in named), *(path.read_bytes() for path in library))))
     digest.update(_hash_of_code(tuple(_code_files())))
     return digest.hexdigest()
 

@@ -206,7 +206,10 @@ def mission_files_of(suite: Path) -> list[Path]:
     """Return the mission files of a suite file. Raises `UsageError` for a missing one, and for a file that is no
     suite.
     """
-    return [mission_file_of(str(word), suite.parent) for word in read_document(suite).get("missions", ())]
+    words = read_document(suite).get("missions")
+    if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
+        raise UsageError(f"`{suite}` is not a suite: `missions` is no list of names")
+    return [mission_file_of(word, suite.parent) for word in words]
 
 
 def _shipped_names() -> tuple[str, ...]:

@@ -69,10 +69,13 @@ def _place(row: SuiteRow) -> tuple[int, int, int]:
 def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
     """Return the notes below every table: numbers of counted, aborted and lost episodes, and the meaning of marks."""
     counted = [row for row in rows if row.standing == "counted"]
-    aborted = sum(row.standing == "aborted" for row in rows)
+    over = {(*row.cell, row.seed) for row in rows if row.standing != "aborted"}
+    tries = [row for row in rows if row.standing == "aborted"]
+    aborted = sum((*row.cell, row.seed) in over for row in tries)
     lost = sorted(row.key for row in rows if row.standing == "lost")
     aborts = "abort was played again with its seed" if aborted == 1 else "aborts were played again with their seeds"
     again = f"; {aborted} infrastructure {aborts}" if aborted else ""
+    again += f"; {len(tries) - aborted} aborted without a later result" if len(tries) > aborted else ""
     notes = [f"{len(counted)} {'episode is' if len(counted) == 1 else 'episodes are'} counted{again}"]
     if lost:
         notes.append(f"{len(lost)} are lost (aborted {lost[0][5]} times) and in no rate: {_named(lost)}")

@@ -26,6 +26,10 @@ which waits up to 90 s for the model.
 """
 
 
+SERVICE_OPTIONS = ("base_url", "base_url_env", "client", "models")
+"""The options of a policy that name the service of its model."""
+
+
 def open_rows(rows: Iterable[SuiteRow]) -> list[SuiteRow]:
     """Return the lost episodes, the aborted tries without a later result, and those that only their entrant may have
     caused.
@@ -72,7 +76,7 @@ def _is_trusted(row: SuiteRow) -> bool:
 
 def _has_own_service(row: SuiteRow) -> bool:
     """Return whether the options name the address of the model's service, which may be the entrant's own."""
-    return any(row.options.policy_args.get(name) for name in ("base_url", "base_url_env"))
+    return any(row.options.policy_args.get(name) for name in SERVICE_OPTIONS)
 
 
 def _is_at_once(row: SuiteRow, other: SuiteRow) -> bool:
@@ -82,4 +86,4 @@ def _is_at_once(row: SuiteRow, other: SuiteRow) -> bool:
     return abs(row.ended_unix_s - other.ended_unix_s) <= AT_ONCE_S
 
 
-__all__ = ["AT_ONCE_S", "open_rows", "unresolved_entrants", "with_marked_names"]
+__all__ = ["AT_ONCE_S", "SERVICE_OPTIONS", "open_rows", "unresolved_entrants", "with_marked_names"]

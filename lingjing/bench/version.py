@@ -44,8 +44,8 @@ def benchmark_version(missions: Iterable[Path]) -> str:
     Comments, docstrings and the layout of Python files do not count.
     """
     digest = hashlib.sha256(_common().encode())
-    for path in sorted(missions):
-        digest.update(f"{path.name}\n".encode() + path.read_bytes())
+    for name, content in sorted((path.name, path.read_bytes()) for path in missions):
+        digest.update(f"{name}\n".encode() + content)
     return digest.hexdigest()
 
 

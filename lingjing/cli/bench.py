@@ -73,6 +73,7 @@ def add_options(parser: ArgumentParser) -> None:
     board.add_argument("-o", "--output", metavar="OUT.html", help="a file (default: standard output)")
     board.add_argument("--seeds", metavar="A-B", help="only these seeds, both ends included")
     board.add_argument("--missions", metavar="NAME", nargs="+", help="only these missions")
+    board.add_argument("--modes", nargs="+", choices=MODES, help="only these modes")
     board.set_defaults(handler=_leaderboard)
     card = actions.add_parser("card", help="write a dataset card of results", description=_card.__doc__)
     _add_results(card)
@@ -368,8 +369,23 @@ def _leaderboard(args: argparse.Namespace) -> int:
         if unknown:
             raise UsageError(f"--missions: the results hold no episode of {', '.join(f'`{name}`' for name in unknown)}")
         rows = [row for row in rows if row.mission in args.missions]
+    if args.modes:
+        rows = [row for row in rows if row.mode in args.modes]
+        if not rows:
+            raise UsageError(f"--modes {' '.join(args.modes)}: the results hold no episode of these modes")
     write_output(leaderboard(rows, audit_marks(args.results)), args.output)
     return ExitCode.OK
+
+
+def _suite_of(rows: Sequence[SuiteRow], word: str) -> Path:
+    """Return the suite's file. Raises `UsageError` if the rows are of another suite."""
+    from lingjing.bench.suite import PROGRAM, find_suite, read_document
+
+    file = find_suite(word)
+    document, suites = read_document(file), sorted({row.suite for row in rows})
+    if PROGRAM not in document and document.get("name") not in suites:  # a program has suites with names of their own
+        raise UsageError(f"--suite {word}: the rows are of the suite {' and '.join(f'`{name}`' for name in suites)}")
+    return file
 
 
 def _audit(args: argparse.Namespace) -> int:
@@ -382,7 +398,6 @@ def _audit(args: argparse.Namespace) -> int:
     from lingjing.bench.evidence import audit_file, audited_in_words, named
     from lingjing.bench.folder import read_results, write_whole
     from lingjing.bench.rows import code_sha256
-    from lingjing.bench.suite import find_suite
     from lingjing.installed_plugins.discovery import trusting
     from lingjing.mission.salts import read_salt
 
@@ -395,7 +410,7 @@ def _audit(args: argparse.Namespace) -> int:
         raise UsageError(f"--salt {args.salt}: the rows are of public seeds, which no salt has drawn")
     code = code_sha256(())
     with trusting(args.trust or ()):
-        suite = find_suite(args.suite) if args.suite else None
+        suite = _suite_of(rows, args.suite) if args.suite else None
         audit = Auditor(folder, code, args.share, args.sample_seed, salt, suite, say).audit(rows)
     print(f"{audited_in_words(rows, audit.marks)}; {len(audit.findings)} wrong")
     for reason, number in audit.unchecked.most_common():

@@ -334,11 +334,11 @@ def _check(answer: PolicyAnswer) -> PolicyAnswer:
         detail = f"`act` returned {type(answer.value).__name__}, not a Decision"
         return PolicyAnswer(reason="malformed", detail=detail, wall_s=answer.wall_s)
     usage = answer.usage if answer.reason else answer.value.usage
-    fault = _usage_fault(usage) if usage is not None else ""
+    fault = usage_fault(usage) if usage is not None else ""
     return PolicyAnswer(reason="malformed", detail=fault, wall_s=answer.wall_s) if fault else answer
 
 
-def _usage_fault(usage: Usage) -> str:
+def usage_fault(usage: Usage) -> str:
     """Return the reason for which a policy cannot have consumed this much in one turn; "" if it can."""
     for name in ("calls", "prompt_tokens", "completion_tokens", "answers", "valid_answers"):
         count = getattr(usage, name)

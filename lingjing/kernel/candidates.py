@@ -16,7 +16,7 @@ import numpy as np
 
 from lingjing.articles import with_article
 from lingjing.decoding import converted
-from lingjing.trace.records import Decision, DecisionRecord
+from lingjing.trace.records import Decision, DecisionRecord, Usage
 
 THOUGHT_LETTERS = 20_000
 """Characters after which a thought is truncated. Chosen: thoughts decide nothing, and the trace should stay
@@ -35,8 +35,17 @@ def normalise_decision(made: DecisionRecord) -> DecisionRecord:
     try:
         decision = plain_copy(made.decision)
     except (msgspec.MsgspecError, TypeError, ValueError, OverflowError, RecursionError) as error:
-        return msgspec.structs.replace(made, decision=Decision(), substituted="malformed", detail=f"{error}"[:300])
+        instead = Decision(usage=_plain_usage(made.decision))  # its calls were made all the same
+        return msgspec.structs.replace(made, decision=instead, substituted="malformed", detail=f"{error}"[:300])
     return msgspec.structs.replace(made, decision=decision)
+
+
+def _plain_usage(decision: Decision) -> Usage | None:
+    """Return the usage of a decision that cannot be represented; None if the usage cannot either."""
+    try:
+        return plain_copy(Decision(usage=decision.usage)).usage
+    except (msgspec.MsgspecError, TypeError, ValueError, OverflowError, RecursionError):
+        return None
 
 
 def plain_copy(decision: Decision) -> Decision:

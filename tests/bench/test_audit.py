@@ -228,18 +228,39 @@ def test_a_row_of_other_code_is_confirmed_by_its_own_replay_only(
 @pytest.mark.parametrize("tier", [0, 1])
 def test_other_rules_than_those_of_the_shipped_mission_are_found(tier: int) -> None:
     played = instantiate(compiled("bi"), seed=3, tier=tier)
-    row = made_row(mission="bi", mode=played.mode)
+    row = made_row(mission="bi", mode=played.mode, harness="code")
 
     def fault(instance: object, row: SuiteRow = row) -> str:
         trace = SimpleNamespace(header=SimpleNamespace(instance=instance))
         return Auditor(Path(), "code")._rules_fault(row, trace, Audit())  # type: ignore[arg-type]
 
-    assert fault(played) == ""
+    assert fault(played, msgspec.structs.replace(row, harness="other")) == ""
     easy = msgspec.structs.replace(played.budget, ticks=played.budget.ticks + 1)
-    assert fault(msgspec.structs.replace(played, budget=easy)) == "its budget is not that of its mission"
+    assert fault(msgspec.structs.replace(played, budget=easy)) == (
+        "its budget is not that of its mission, the shipped `bi` (--suite FILE names a suite with its own)"
+    )
     assert "rules is not that" in fault(msgspec.structs.replace(played, rules=played.rules[:-1]))
     unknown = msgspec.structs.replace(row, options=msgspec.structs.replace(row.options, settings={"ease": 1.0}))
     assert fault(played, unknown).startswith("its mission gives no such instance: ")
+
+
+def test_the_suite_of_other_rows_is_a_usage_error(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["bench", "audit", str(results), "--suite", "main"]) == ExitCode.USAGE
+    assert "--suite main: the rows are of the suite `trips`" in capsys.readouterr().err
+    wrong = results / "wrong.toml"
+    wrong.write_text('suite = 1\nname = "trips"\nmissions = 5\n')
+    assert run_command(["bench", "audit", str(results), "--suite", str(wrong)]) == ExitCode.USAGE
+    assert "`missions` is no list of names" in capsys.readouterr().err
+
+
+def test_the_versions_do_not_depend_on_the_folders_of_missions(tmp_path: Path) -> None:
+    shipped = Path(lingjing.__file__).parents[1] / "scenarios" / "ssr.ljs"
+    own = [tmp_path / name / "trip.ljs" for name in ("a", "z")]
+    for file in own:
+        file.parent.mkdir()
+        file.write_text(TRIP)
+    for version in (benchmark_version, code_sha256):
+        assert version([own[0], shipped]) == version([shipped, own[1]])
 
 
 def test_other_rules_than_those_of_the_suites_own_mission_are_found(

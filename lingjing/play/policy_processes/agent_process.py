@@ -12,7 +12,7 @@ import signal
 import socket
 import subprocess
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 
 import msgspec
@@ -51,6 +51,11 @@ _STATUS_S = 10.0
 _UNCOUNTED_BYTES = 256 << 20
 """The memory beyond the limit at which a process is ended, bytes. Chosen: 64 MB for the stack, and room for the pages
 of libraries that the loader has written and made read-only, none of which RLIMIT_DATA counts.
+"""
+
+_MEMORY_S = 0.1
+"""The time between two checks of the memory of policies, seconds of wall clock. Chosen: a policy fills less than 1 GB
+in it. A check of ten processes takes 0.3 ms (measured).
 """
 
 _HINT = "`lingjing doctor` lists what this kernel offers; `ulimit -a` shows limits of this shell"
@@ -151,6 +156,11 @@ class PolicyProcess:
             raise self._error_of_end()
         return answer
 
+    @property
+    def is_walled(self) -> bool:
+        """True if there are walls around it."""
+        return self._walls is not None
+
     def check_memory(self) -> None:
         """Kill a process behind walls that uses more memory than the limit. Any thread may call this.
 
@@ -247,6 +257,32 @@ class PolicyProcess:
     def _ends_by_itself(self) -> bool:
         """Return True if the process ends by itself: its descriptors close shortly before it ends."""
         return self.has_ended(0.2)
+
+
+class MemoryWatch:
+    """A thread that checks the memory of processes behind walls, at turns and between them. `processes` may change."""
+
+    def __init__(self, processes: Iterable[PolicyProcess]) -> None:
+        self._processes = processes
+        self._thread: threading.Thread | None = None
+        self._over = threading.Event()
+
+    def begin(self) -> None:
+        """Start the thread unless it runs."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="policy-memory", daemon=True)
+            self._thread.start()
+
+    def close(self) -> None:
+        """End the thread. A later `begin` does nothing."""
+        self._over.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _run(self) -> None:
+        while not self._over.wait(_MEMORY_S):
+            for process in tuple(self._processes):
+                process.check_memory()
 
 
 def _broker_between(

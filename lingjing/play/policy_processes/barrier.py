@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import os
-import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -17,8 +16,8 @@ from dataclasses import dataclass, replace
 import msgspec
 
 from lingjing.errors import ForeignCodeError, InfrastructureError, LingjingError
-from lingjing.kernel.barrier import Barrier, OutageCheck, PolicyAnswer, failure, no_outage
-from lingjing.play.policy_processes.agent_process import PolicyProcess
+from lingjing.kernel.barrier import Barrier, OutageCheck, PolicyAnswer, failure, no_outage, usage_fault
+from lingjing.play.policy_processes.agent_process import MemoryWatch, PolicyProcess
 from lingjing.play.policy_processes.messages import (
     BrokerStart,
     CallFailed,
@@ -48,11 +47,6 @@ more."""
 CLOSE_S = 3.0
 """The longest time for the exit functions of all policies together, seconds of wall clock. Chosen."""
 
-_MEMORY_S = 0.1
-"""The time between two checks of the memory of policies, seconds of wall clock. Chosen: a policy fills less than 1 GB
-in it. A check of ten processes takes 0.3 ms (measured).
-"""
-
 
 @dataclass(frozen=True, slots=True)
 class AgentPolicy:
@@ -78,7 +72,7 @@ class ProcessBarrier(Barrier):
         self._processes: dict[str, PolicyProcess] = {}  # one for each agent (ADR 0024)
         self._slots = PictureSlots()
         self._briefs: Mapping[str, Brief] = {}
-        self._watch = _MemoryWatch(self._processes) if server.walls is not None else None
+        self._watch = MemoryWatch(self._processes.values()) if server.walls is not None else None
 
     def load(self) -> None:
         """Start every process and build its policy.
@@ -156,7 +150,7 @@ class ProcessBarrier(Barrier):
         claimed = answer.value.usage if isinstance(answer.value, Decision) else answer.usage
         if not bill.calls and claimed is None:
             return answer
-        known = claimed or Usage()
+        known = claimed if claimed is not None and not usage_fault(claimed) else Usage()
         usage = msgspec.structs.replace(
             bill, answers=known.answers, valid_answers=known.valid_answers, unread_boxes=known.unread_boxes
         )
@@ -236,32 +230,6 @@ class ProcessBarrier(Barrier):
         for process in self._processes.values():
             process.end()
         self._slots.close()
-
-
-class _MemoryWatch:
-    """A thread that checks the memory of all processes of an episode behind walls, at turns and between them."""
-
-    def __init__(self, processes: Mapping[str, PolicyProcess]) -> None:
-        self._processes = processes
-        self._thread: threading.Thread | None = None
-        self._over = threading.Event()
-
-    def begin(self) -> None:
-        """Start the thread unless it runs."""
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._run, name="policy-memory", daemon=True)
-            self._thread.start()
-
-    def close(self) -> None:
-        """End the thread. A later `begin` does nothing."""
-        self._over.set()
-        if self._thread is not None:
-            self._thread.join()
-
-    def _run(self) -> None:
-        while not self._over.wait(_MEMORY_S):
-            for process in list(self._processes.values()):
-                process.check_memory()
 
 
 def _broker_of(load: LoadPolicy) -> BrokerStart | None:

@@ -24,7 +24,7 @@ from lingjing.mission.instance import GivenOption
 from lingjing.option_listing import OptionSpec, option_specs
 from lingjing.play.options import PlayOptions
 from lingjing.play.policy_files import PolicyDeclaration, declaration_of, is_file, load_policy
-from lingjing.play.policy_processes.agent_process import PolicyProcess
+from lingjing.play.policy_processes.agent_process import MemoryWatch, PolicyProcess
 from lingjing.play.policy_processes.barrier import check_loaded, load_limit_s
 from lingjing.play.policy_processes.messages import (
     CheckOptions,
@@ -253,7 +253,13 @@ def _answer(
     """Return the answer to a request. Raises the error that the answer brings, `ForeignCodeError` without an answer."""
     turn = Turn(process, [(request, ())], OwnDeadline(process.pid, load_limit_s(), watched=True))
     turn.send_next()
-    wait_for([turn])
+    watch = MemoryWatch([process])
+    if process.is_walled:
+        watch.begin()
+    try:
+        wait_for([turn])
+    finally:
+        watch.close()
     try:
         check_loaded(turn, what, done)
     except InfrastructureError as error:  # raised by the file's code, which cannot declare an outage
