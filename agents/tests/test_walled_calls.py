@@ -154,7 +154,7 @@ class Denier(Asker):
     """Reports a usage that is too low."""
 
     async def act(self, observation, inbox):
-        return replace(await super().act(observation, inbox), usage=Usage(calls=0, answers=7))
+        return replace(await super().act(observation, inbox), usage=Usage(calls=0, answers=2**40))
 
 
 class Forger(Asker):

@@ -68,6 +68,13 @@ def test_a_decision_that_does_not_fit_the_schema_becomes_a_substituted_no_op(mad
     assert len(to_json(record.decisions[0])) < 1000
 
 
+def test_a_malformed_decision_keeps_the_usage_of_its_calls():
+    """Otherwise a decision that is too large would make calls without a count against the budget."""
+    spent = Usage(calls=2, prompt_tokens=700, completion_tokens=50, cost_usd=0.01)
+    made = stepped(Decision(command=Action(verb="v" * DECISION_BYTES), usage=spent)).decisions[0]
+    assert (made.substituted, made.decision) == ("malformed", Decision(usage=spent))
+
+
 def test_a_value_that_contains_itself_is_malformed():
     loop = []
     loop.append(loop)
