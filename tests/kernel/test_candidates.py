@@ -162,7 +162,8 @@ def test_the_address_of_an_object_is_removed_from_error_details():
         barrier = PolicyBarrier({"a": Raising(ValueError(object()))}, 5.0)
         details.add(barrier.act({"a": (None, None)})[0].detail)
         barrier.close()
-    assert details == {"ValueError: <object object at 0x…> (tests/kernel/test_candidates.py:126)"}
+    line = Raising.act.__code__.co_firstlineno + 1
+    assert details == {f"ValueError: <object object at 0x…> (tests/kernel/test_candidates.py:{line})"}
 
 
 def test_the_wall_time_of_a_call_excludes_that_of_the_previous_call():
