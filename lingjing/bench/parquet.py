@@ -116,7 +116,7 @@ def _decoded(table: pa.Table, file: Path) -> Iterator[SuiteRow]:
                 "score its kept traces with this one: lingjing report FOLDER/runs"
             )
             raise UsageError(f"row {at} of `{file}` cannot be read: {error}", hint=hint) from error
-        changed = next((name for name in known if _differs(queried[at][name], flat.get(name))), "")
+        changed = next((name for name in known if _differs(name, queried[at][name], flat.get(name))), "")
         if changed:
             raise UsageError(
                 f"row {at} of `{file}` contradicts itself: its column `{changed}` is not that of its report",
@@ -125,8 +125,15 @@ def _decoded(table: pa.Table, file: Path) -> Iterator[SuiteRow]:
         yield row
 
 
-def _differs(stored: object, value: object) -> bool:
-    """Return whether a column has another value than its row. A tuple is stored as a list."""
+def _differs(name: str, stored: object, value: object) -> bool:
+    """Return whether a column has another value than its row. A tuple is stored as a list, and a setting of 2 may be
+    read as 2.0.
+    """
+    if name == "settings" and isinstance(stored, str) and isinstance(value, str):
+        try:
+            return bool(json.loads(stored) != json.loads(value))
+        except (ValueError, RecursionError):
+            return True
     is_nan = isinstance(stored, float) and isinstance(value, float) and stored != stored and value != value
     return not is_nan and stored != (list(value) if isinstance(value, tuple) else value)
 

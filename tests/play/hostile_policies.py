@@ -257,13 +257,16 @@ class Hoarder(Steady):
 
 
 class LateHoarder(Hoarder):
-    """Answers at once, and fills pages while the others have their turns."""
+    """Answers at once, fills pages until its next turn, and waits for their end there."""
+
+    filling = None
 
     async def act(self, observation, inbox):
-        if self.brief.agent.endswith("[1]"):
-            threading.Thread(target=self.hoard, daemon=True).start()
-        else:
-            time.sleep(1.0)
+        if self.filling is not None:
+            self.filling.join()
+            time.sleep(1.0)  # several checks
+        self.filling = threading.Thread(target=self.hoard, daemon=True)
+        self.filling.start()
         return Decision()
 
 
