@@ -331,7 +331,7 @@ def test_what_other_code_and_removed_aborts_leave_open_is_named(
     out = audited(results, capsys, "--suite", str(played / "trips.toml"), "--share", "1")[1]
     assert "not checked: 6 rows: its versions of the benchmark and of the code: it was played with other code" in out
     assert "not checked: 6 rows: the places of its entities: it was played with other code" in out
-    assert "not checked: 1 row: its abort: it has no trace" in out
+    assert "not checked: 1 row: its abort, which has no complete trace" in out
 
 
 def test_a_row_that_hides_the_truth_of_its_player_is_refused() -> None:

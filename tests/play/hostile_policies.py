@@ -253,6 +253,7 @@ class Hoarder(Steady):
             place = library.mmap(None, size, read | write, private | anonymous, -1, 0)
             ctypes.memset(place, 1, size)
             assert library.mprotect(place, size, read) == 0
+        time.sleep(60.0)  # far longer than until the next check, which ends this process
         return Decision(thought="1 GB")
 
 
@@ -264,7 +265,6 @@ class LateHoarder(Hoarder):
     async def act(self, observation, inbox):
         if self.filling is not None:
             self.filling.join()
-            time.sleep(1.0)  # several checks
         self.filling = threading.Thread(target=self.hoard, daemon=True)
         self.filling.start()
         return Decision()

@@ -571,7 +571,8 @@ class Writer:
 
     def _file(self):
         path = Path(tempfile.gettempdir()) / f"{self.config['mark']}-left"
-        path.write_text("left")
+        if not path.exists():  # written anew at each turn it would be empty for a moment, in which others read it
+            path.write_text("left")
 
     def _lock(self):
         self.kept.append(open(json.__file__))  # noqa: SIM115 - a lock lasts as long as its file is open
