@@ -2,9 +2,10 @@
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
-from lingjing_agents.capability import photo
+from lingjing_agents.capability import photo, team
 from lingjing_agents.ground_plane import GroundRectangle, inside
 from lingjing_agents.heuristic.dogs.building_finder import Belief, where_to_look
 from lingjing_agents.heuristic.dogs.dog_rules import DogRules
@@ -18,7 +19,9 @@ from lingjing_agents.heuristic.policy import rules_for
 from lingjing_agents.paths.kept_path import KeptPath
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
 from lingjing_agents.perception.facades import FacadeColumn
+from lingjing_agents.perception.people_at_sea import FoundBox
 
+import lingjing
 from agents.tests.agent_kit import (
     ASSIGNMENT,
     EYE,
@@ -42,8 +45,11 @@ from lingjing.plugins.policy import (
     Receipt,
     Region,
 )
+from lingjing.testing import instantiate, mission_file
 
 YARD = ((0.0, 0.0), (100.0, 0.0), (100.0, 80.0), (0.0, 80.0))
+EYE_M, FLAMES_M = 0.4, 1.7
+"""Height of a dog's eye, and of the flames of a fire, metres."""
 GATE = ((-5.0, 35.0), (5.0, 35.0), (5.0, 45.0), (-5.0, 45.0))
 
 
@@ -145,6 +151,32 @@ def test_a_dog_at_the_place_of_a_reported_fire_looks_in_all_directions():
             assert command.verb in ("left", "right")
             heading = (heading + command.arguments["angle"] * (1 if command.verb == "right" else -1)) % 360.0
     assert looks[:4] == [0.0, 90.0, 180.0, 270.0]
+
+
+def test_the_last_claim_is_kept_for_a_fire_that_has_none():
+    """Two claims for each dog: a nearer view of the first fire takes neither, and another fire takes the last one."""
+    (declared,) = instantiate(lingjing.compile(mission_file("idf")), seed=1, mode="broadcast", tier=1).limits
+    limit = msgspec.structs.replace(declared, most=2 * len(team(brief("scout[1]"))))
+    shared = brief(
+        "scout[1]", resources=(dog(),), cells=(), messages=(REPORT, STATUS), classes=("fire_source",), limits=(limit,),
+        regions=(Region(name="yard", polygon=YARD),),
+    )  # fmt: skip
+    seen: list[FoundBox] = []
+    rules = FireSearcher(shared, dog(), EYE, {"fire_source": lambda picture, level_m: tuple(seen)})
+
+    def reports(tick: int, east: float, away_m: float) -> int:
+        """Take a picture of a fire straight ahead, on the line y = 60 m, and count the reports of it."""
+        at, high = (east, 60.0 - away_m), FLAMES_M / away_m
+        pose = CameraPose(position=(*at, EYE_M), heading_deg=0.0, tilt_deg=0.0, hfov_deg=90.0, width=720, height=720)
+        foot = 0.5 + 0.5 * EYE_M / away_m
+        seen[:] = [FoundBox((0.5 - high / 4.0, foot - high / 2.0, 0.5 + high / 4.0, foot), 1.0)]
+        picture = Picture(frame=f"f{tick}", entity="dog", camera="front", tick=tick, time_s=0.0, pose=pose,
+                          rgb=np.zeros((720, 720, 3), np.uint8))  # fmt: skip
+        state = observe("scout[1]", tick, view("dog", (*at, 0.0)), pictures=(picture,))
+        return sum(message.kind == REPORT.kind for message in rules.act(state, Inbox()).messages)
+
+    assert [reports(tick, 50.0, away) for tick, away in enumerate((12.0, 6.0, 3.0), 1)] == [1, 0, 0]
+    assert reports(9, 10.0, 12.0) == 1
 
 
 def test_a_false_fire_that_is_seen_again_is_reopened_with_half_its_tries():

@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import httpx
 import pytest
+from lingjing_agents.capability import claims_limit
 from lingjing_agents.heuristic.target_types import ANY_VEHICLE
 from lingjing_agents.reader.player import RequestPlayer
 from lingjing_agents.reader.policy import ReaderOptions, SightedOptions
@@ -20,9 +21,10 @@ from agents.tests.test_react_encoding import roles, sent
 from agents.tests.test_react_request import COLUMNS, brief_of, observation
 from lingjing import metrics
 from lingjing import read as read_trace
+from lingjing.kernel.rule_sentences import rule_sentences
 from lingjing.plugins.decisions import sendable
 from lingjing.plugins.policy import FrameInfo
-from lingjing.testing import mission_file
+from lingjing.testing import instantiate, mission_file
 from lingjing.trace.records import Box
 
 
@@ -50,6 +52,18 @@ async def test_the_brief_read_from_a_request_is_the_brief_of_the_agent(column: s
         ]
         own = {message.kind: {field.name for field in message.fields} for message in sendable(read)}
         assert own == {message.kind: {field.name for field in message.fields} for message in sendable(true)}
+
+
+async def test_the_limit_of_claims_is_read_from_the_rules() -> None:
+    (agent,) = roles("bi-single")
+    system, _ = await _first_request("bi-single", agent)
+    assert claims_limit(brief_from(system)) is None, "tier 0 has none"
+    hardened = instantiate(lingjing.compile(mission_file("bi")), seed=1, mode="single", tier=1)
+    (rule,) = (sentence for sentence in rule_sentences(hardened) if "claims" in sentence)
+    head, others = system.split("RULES OF THIS MISSION", 1)
+    first, rest = others.split("\n", 1)
+    read = brief_from(f"{head}RULES OF THIS MISSION{first}\n- {rule}.\n{rest}")
+    assert claims_limit(read) == min(limit.most for limit in hardened.limits) == 2
 
 
 def _commands(resource: Any) -> tuple[Any, ...]:

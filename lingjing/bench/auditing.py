@@ -20,7 +20,7 @@ import msgspec
 from lingjing.bench.evidence import AuditMark, AuditRecord, named, row_faults, row_sha256
 from lingjing.bench.rows import SuiteRow, code_sha256
 from lingjing.bench.suite import find_suite, mission_files_of, shipped_suites
-from lingjing.bench.version import benchmark_version
+from lingjing.bench.version import benchmark_version, mission_version
 from lingjing.causal.replay import replay
 from lingjing.decoding import from_json
 from lingjing.dsl.loading.load import load_mission
@@ -48,12 +48,12 @@ NO_TRACE = "its episode has no trace: the policy failed before it began"
 OTHER_CODE = "it was played with other code, so that only its own replay confirms it (--share 1)"
 NOT_SHIPPED = "its rules, except against other rows: its mission is not shipped (--suite FILE)"
 OTHER_ENTITIES = "the places of its entities: it was played with other code"
-OTHER_VERSIONS = "its versions of the benchmark and of the code: it was played with other code"
+OTHER_VERSIONS = "its versions of the benchmark, the mission and the code: it was played with other code"
 OTHER_RULES = "its rules: they differ from those of its mission, and it was played with other code"
 ABORT_REMOVED = "its abort, which has no complete trace"
 OTHER_CITY = "its rules, except against other rows: it was played in another city"
 OLDER_TRACE = "its options such as `blank_pictures`: its trace is from before traces had them"
-OTHER_MISSIONS = "its versions of the benchmark and of the code: they are not those of a shipped suite (--suite FILE)"
+OTHER_MISSIONS = "its versions of the mission and of the code: they are not those of a shipped suite (--suite FILE)"
 """The reasons for which a row cannot be checked, or not wholly."""
 
 _COMPARED = ("mission", "mode", "seed", "policy_seed", "tier", "language", "success", "reason", "scr", "score", "ticks",
@@ -173,14 +173,17 @@ class Auditor:
         """Yield a finding for each row of this code with versions that its suite's missions do not give."""
         for suite, own in _by(rows, lambda row: row.suite):
             files = list(self._missions.values()) or _shipped_files(suite)
-            versions = benchmark_version(files), code_sha256(files)
+            code = code_sha256(files)
+            missions = {_loaded(file).name: mission_version(file) for file in files}
             for row in own:
                 if row.harness != self.code:
                     audit.unchecked[OTHER_VERSIONS] += 1
-                elif (row.benchmark, row.code) == versions:
+                elif row.benchmark != benchmark_version():
+                    yield Finding(row, "its version of the benchmark is not that of the code")
+                elif (row.mission_sha256, row.code) == (missions.get(row.mission), code):
                     continue
                 elif self.suite is not None:
-                    yield Finding(row, "its version of the benchmark or of the code is not that of its suite")
+                    yield Finding(row, "its version of the mission or of the code is not that of its suite")
                 else:
                     audit.unchecked[OTHER_MISSIONS] += 1
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
+import re
 import secrets
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -132,6 +133,22 @@ class ResultsFolder:
         self.rows = [kept for kept in self.rows if kept.key != row.key]
         self.add(row)
 
+    def put_aside(self, mission: str) -> Path:
+        """Move the rows of a mission into a file of their own, and return its path.
+
+        The file is written first, so a kill loses no row; rows that are in it already stay there.
+        """
+        own = [row for row in self.rows if row.mission == mission]
+        version = own[0].mission_sha256[:12] if own else ""
+        aside = self.folder / f"results-{_plain(mission)}-{version or 'old'}{_SUFFIX}"
+        there = read_rows(aside) if aside.is_file() else []
+        self._write(aside, encode_rows(list({row.key: row for row in (*there, *own)}.values())))
+        self.rows = [row for row in self.rows if row.mission != mission]
+        self._write(self.folder / RESULTS, encode_rows(self.rows))
+        while self._parts:
+            self._parts.pop().unlink(missing_ok=True)
+        return aside
+
     def compact(self) -> Path:
         """Join all parts into one file and return its path."""
         whole = self.folder / RESULTS
@@ -219,6 +236,10 @@ def _with_iou(row: SuiteRow, trace: Path) -> SuiteRow:
 
     iou = attention_beside(trace)
     return row if iou is None else msgspec.structs.replace(row, attention_iou=iou)
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^\w.=-]+", "_", name)[:60]
 
 
 def _files(folder: Path) -> list[Path]:

@@ -12,7 +12,11 @@ from lingjing.errors import UsageError
 
 _KEPT_APART = "merge the results of each version separately, or merge them anyway with --other-code"
 
-_WORDS = {"split_sha256": "sealed split", "benchmark": "version of the benchmark"}
+_WORDS = {
+    "split_sha256": "sealed split",
+    "benchmark": "version of the benchmark",
+    "mission_sha256": "version of the mission",
+}
 """The names of fields in messages."""
 
 _NOT_REPEATED = "the machine or the policy of one of them is not deterministic: remove one of them"
@@ -31,7 +35,10 @@ def merge_rows(placed: Sequence[tuple[Path, SuiteRow]], *, other_code: bool = Fa
     """Merge rows that are already read, each with its place. Raises `UsageError` as `merge_results` does."""
     _check_alike("suite", placed, "merge results of one suite")
     check_rows(row for _, row in placed)
-    _check_alike("benchmark", placed, "missions, prompts, looks or adjudication differ: make a table of each version")
+    _check_alike("benchmark", placed, "prompts, looks or adjudication differ: make a table of each version")
+    for mission in sorted({row.mission for _, row in placed}):
+        own = [(place, row) for place, row in placed if row.mission == mission]
+        _check_alike("mission_sha256", own, "the mission was changed: make a table of each version", f" `{mission}`")
     if not other_code:
         _check_alike("code", placed, _KEPT_APART)
     _check_alike("split_sha256", placed, "results of a sealed split and of public seeds, or of two splits, stay apart")
@@ -72,14 +79,14 @@ def _rank(row: SuiteRow) -> tuple[int, float, str, int, bool]:
     return row.tries, row.wall_s, row.salt_sha256, row.policy_seed, row.attention_iou is None
 
 
-def _check_alike(name: str, placed: Iterable[tuple[Path, SuiteRow]], hint: str) -> None:
-    """Raise `UsageError` unless the field has the same value in all rows."""
+def _check_alike(name: str, placed: Iterable[tuple[Path, SuiteRow]], hint: str, of: str = "") -> None:
+    """Raise `UsageError` unless the field has the same value in all rows. `of`: added to the field's name."""
     values: dict[str, Path] = {}
     for place, row in placed:
         values.setdefault(getattr(row, name), place)
     if len(values) > 1:
         listed = ", ".join(f"`{value[:12]}` in `{place}`" for value, place in values.items())
-        raise UsageError(f"the results have more than one {_WORDS.get(name, name)}: {listed}", hint=hint)
+        raise UsageError(f"the results have more than one {_WORDS.get(name, name)}{of}: {listed}", hint=hint)
 
 
 def _check_options(placed: Iterable[tuple[Path, SuiteRow]]) -> None:

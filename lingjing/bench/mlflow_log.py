@@ -14,9 +14,9 @@ class MlflowLog:
     """A receiver of rows for `lingjing.bench(…, progress=…)`, which writes runs of an MLflow experiment.
 
     A run is `ENTRANT/MISSION-MODE`, a step is a seed, and each metric that is a number is one of the run. Its tags tell
-    the policy, the model, the tier, the language and the version of the benchmark. Rows of aborted episodes are left
-    out. `tracking_uri` is MLflow's, such as `sqlite:///mlflow.db`; None for the one of the environment. `close` ends
-    the runs.
+    the policy, the model, the tier, the language and the versions of the benchmark and of the mission. Rows of aborted
+    episodes are left out. `tracking_uri` is MLflow's, such as `sqlite:///mlflow.db`; None for the one of the
+    environment. `close` ends the runs.
 
         with MlflowLog("small", "sqlite:///mlflow.db") as log:
             lingjing.bench("small.toml", out="runs/bench/small", progress=log)
@@ -74,6 +74,7 @@ class MlflowLog:
             "tier": row.report.tier,
             "language": row.language,
             "benchmark": row.benchmark,
+            "mission_sha256": row.mission_sha256,
         }
         tags = {f"lingjing.{key}": str(value) for key, value in about.items() if value != ""}
         return str(self._client.create_run(self._experiment, run_name=name, tags=tags).info.run_id)

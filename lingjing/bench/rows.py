@@ -66,6 +66,8 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
     """The last seal of the trace, a hash over every byte of it; "" for an episode without a whole trace."""
     benchmark: str = ""
     """The version of the benchmark (`version.benchmark_version`); rows of two versions never stand in one table."""
+    mission_sha256: str = ""
+    """The version of the mission (`version.mission_version`); nor do rows of two versions of one mission."""
     code: str = ""
     """SHA-256 over all code and missions that decide an episode."""
     harness: str = ""

@@ -35,7 +35,7 @@ from lingjing.bench.rows import (
     comparable,
 )
 from lingjing.bench.services import EntrantServices, probe_entrant
-from lingjing.bench.version import benchmark_version
+from lingjing.bench.version import benchmark_version, mission_version
 from lingjing.errors import UsageError
 from lingjing.mission.salts import read_salt
 from lingjing.play.options import PlayOptions, without_folder, without_places
@@ -134,8 +134,12 @@ class SuiteRun:
             if (cell.key, seed) not in over and shard.has(cell, seed)
         ]
 
-    def check_resumable(self, *, other_code: bool = False) -> None:
-        """Raise `UsageError` if the folder holds rows that may not stand beside new ones."""
+    def check_resumable(self, *, other_code: bool = False, replay_changed: bool = False) -> tuple[Path, ...]:
+        """Raise `UsageError` if the folder holds rows that may not stand beside new ones.
+
+        `other_code`: rows of other code may. `replay_changed`: rows of missions that have changed are put aside, as the
+        last step, and their files are returned.
+        """
         rows = self.results.rows
         folder, suite = self.results.folder, self.plan.suite.name
         others = sorted({row.suite for row in rows} - {suite})
@@ -146,10 +150,12 @@ class SuiteRun:
             )
         if any(row.benchmark != self.benchmark for row in rows):
             raise UsageError(
-                f"the rows in `{folder}` are of another version of the benchmark: missions, prompts, looks or "
-                "adjudication have changed since",
+                f"the rows in `{folder}` are of another version of the benchmark: prompts, looks or adjudication have "
+                "changed since",
                 hint="choose another folder with -o",
             )
+        renewed = self._changed_missions(replay_changed=replay_changed)
+        rows = [row for row in rows if row.mission not in renewed]
         other_versions = {row.code[:12] for row in rows if row.code != self.code}
         if other_versions and not other_code:
             counted = sum(row.code != self.code for row in rows)
@@ -168,16 +174,41 @@ class SuiteRun:
                 f"{first.seed}: {_difference(first.options, now[first.cell])}",
                 hint="choose another folder with -o, or restore the suite file",
             )
+        return tuple(map(self.results.put_aside, renewed))
+
+    def _changed_missions(self, *, replay_changed: bool) -> list[str]:
+        """Return the missions with rows of another version. Raises `UsageError` if they may not be put aside."""
+        folder, known = self.results.folder, self.missions
+        old = [row for row in self.results.rows if row.mission_sha256 != known.get(row.mission, row.mission_sha256)]
+        names = sorted({row.mission for row in old})
+        listed = ", ".join(f"`{name}`" for name in names)
+        if old and not replay_changed:
+            raise UsageError(
+                f"the rows of {listed} in `{folder}` ({len(old)}) are of another version of the mission: its text or a "
+                "library has changed since",
+                hint="choose another folder with -o, or put them aside and play again with --replay-changed",
+            )
+        if any(row.report.trace for row in old):
+            raise UsageError(
+                f"the rows of {listed} in `{folder}` have kept traces, which new episodes would overwrite",
+                hint="choose another folder with -o",
+            )
+        return names
 
     @cached_property
     def split_sha256(self) -> str:
         """The hash of the salt; "" without one. Raises `UsageError` for a file that is no secret salt."""
         return read_salt(self.salt).sha256 if self.salt else ""
 
-    @cached_property
+    @property
     def benchmark(self) -> str:
-        """The version of the benchmark with the missions of the suite."""
-        return benchmark_version(self.plan.files)
+        """The version of the benchmark."""
+        return benchmark_version()
+
+    @cached_property
+    def missions(self) -> dict[str, str]:
+        """The version of each mission of the suite, by its name."""
+        return {cell.column.mission: mission_version(cell.column.path) for cell in self.plan.cells}
 
     @cached_property
     def harness(self) -> str:
@@ -363,6 +394,7 @@ class SuiteRun:
             split_sha256=self.split_sha256,
             seal=seal_of(Path(report.trace)) if report.trace else "",
             benchmark=self.benchmark,
+            mission_sha256=self.missions[cell.column.mission],
             code=self.code,
             harness=self.harness,
             wall_s=wall_s,

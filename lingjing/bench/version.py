@@ -1,20 +1,25 @@
-"""The version of the benchmark: a hash over everything that decides which task an episode poses and how it is scored.
+"""The version of the benchmark: hashes over everything that decides which task an episode poses and how it is scored.
 
-Two commits with one version pose the same missions, with the same prompts and the same looks, and judge alike. Rows of
-two versions never stand in one table. The code that decides nothing of it, such as a faster engine, has no part in
-the version; `rows.code_sha256` covers all code.
+There are two, and a row has both. `benchmark_version` covers what all missions share: prompts, looks, the drawing of
+instances and the modules that judge. `mission_version` covers one mission: its text and the libraries that it uses. Two
+commits with equal hashes pose the same task, with the same prompts and the same looks, and judge alike. Rows of two
+versions never stand in one table, but a change of one mission leaves the rows of the others valid. The code that
+decides nothing of it, such as a faster engine, has no part in the version; `rows.code_sha256` covers all code.
 """
 
 from __future__ import annotations
 
 import ast
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 import lingjing
 from lingjing.data import data_path
+from lingjing.dsl.loading.cache import libraries_of
+from lingjing.dsl.loading.load import is_document
+from lingjing.dsl.source.text import read_source
 
 _JUDGING = (
     "kernel/adjudication.py", "kernel/claims.py", "kernel/evaluation.py", "kernel/evaluators.py", "kernel/rules.py",
@@ -38,29 +43,40 @@ _PROMPTS = "prompts"
 """The folders of prompts in the packages of this project's policies."""
 
 
-def benchmark_version(missions: Iterable[Path]) -> str:
-    """Return the SHA-256 of the benchmark with these mission files.
+@cache
+def benchmark_version() -> str:
+    """Return the SHA-256 of what all missions share.
 
     Comments, docstrings and the layout of Python files do not count.
     """
-    digest = hashlib.sha256(_common().encode())
-    for name, content in sorted((path.name, path.read_bytes()) for path in missions):
-        digest.update(f"{name}\n".encode() + content)
-    return digest.hexdigest()
-
-
-@cache
-def _common() -> str:
-    """Return the SHA-256 over everything but the missions themselves."""
     root, digest = Path(lingjing.__file__).parent, hashlib.sha256()
-    library = sorted((*data_path("std").glob("*.ljs"), *data_path("scenarios").glob("*.ljs")))
-    files = [(path.name, path) for path in library]
-    files += [(name, path) for part in (*_JUDGING, *_LOOKS, *_DRAWING, *_WORDS) for name, path in _files(root, part)]
+    files = [(name, path) for part in (*_JUDGING, *_LOOKS, *_DRAWING, *_WORDS) for name, path in _files(root, part)]
     files += list(_prompts())
     for name, path in files:
         content = path.read_bytes()
         digest.update(f"{name}\n".encode() + (_meaning(content) if path.suffix == ".py" else content))
     return digest.hexdigest()
+
+
+def mission_version(mission: Path) -> str:
+    """Return the SHA-256 of a mission: its file, and each library that it uses, directly or through others.
+
+    A `resetScenario` document is read by templates, which are the shipped missions; all of them count for it. The
+    file's folder and name have no part in the version. Raises `UsageError` for a file that cannot be read.
+    """
+    source = read_source(str(mission))
+    digest = hashlib.sha256(source.text.encode("utf-8", "surrogatepass"))
+    if is_document(source):
+        shipped = (*data_path("scenarios").glob("reset-templates.json"), *data_path("scenarios").glob("*.ljs"))
+        used = {_sha256(path) for path in (*shipped, *data_path("std").glob("*.ljs"))}
+    else:
+        used = {sha256 for _, sha256 in libraries_of(source)}
+    digest.update("".join(sorted(used)).encode())
+    return digest.hexdigest()
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _files(root: Path, part: str) -> Iterator[tuple[str, Path]]:
@@ -95,4 +111,4 @@ def _is_text(node: ast.stmt) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
-__all__ = ["benchmark_version"]
+__all__ = ["benchmark_version", "mission_version"]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lingjing.cli.arguments import check_counts
+from lingjing.cli.files import tell_aside
 from lingjing.cli.parser import ArgumentParser
 from lingjing.cli.process import ending_at_second_interrupt, say
 from lingjing.errors import ExitCode, UsageError
@@ -33,6 +34,9 @@ def add_adversaries(parser: ArgumentParser) -> None:
     parser.add_argument("--strict", action="store_true", help="refuse a kernel that lacks a wall")
     parser.add_argument("--keep", action="store_true", help="keep every trace")
     parser.add_argument("--other-code", action="store_true", help="continue a folder of another version of the code")
+    parser.add_argument(
+        "--replay-changed", action="store_true", help="put rows of changed missions aside, and play them again"
+    )
     parser.add_argument("--check", action="store_true", help="print the pairs and the hours, and stop")
     parser.set_defaults(handler=play_adversaries)
 
@@ -70,7 +74,7 @@ def play_adversaries(args: argparse.Namespace) -> int:
             run = SuiteRun(plan, results, code, LocalExecutor(args.jobs), keep=args.keep, isolate=isolate,
                            salt=str(salt.absolute()))  # fmt: skip
             run.check_split(plan.cells)
-            run.check_resumable(other_code=args.other_code)
+            tell_aside(run.check_resumable(other_code=args.other_code, replay_changed=args.replay_changed))
             run.services.tell = say
             run.tell = _tell
             results.write("suite.toml", path.read_text(encoding="utf-8"))

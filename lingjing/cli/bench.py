@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from lingjing.cli.adversaries import add_adversaries, play_adversaries
 from lingjing.cli.arguments import check_counts, parse_seeds, parse_tier
 from lingjing.cli.attribution import add_plant, measure, plant_faults
-from lingjing.cli.files import write_output
+from lingjing.cli.files import tell_aside, write_output
 from lingjing.cli.installed import warn_of_broken_plugins
 from lingjing.cli.parser import ArgumentParser
 from lingjing.cli.process import ending_at_second_interrupt, say, say_error
@@ -155,6 +155,9 @@ def _add_play(play: ArgumentParser) -> None:
         "--other-code", action="store_true", help="continue a folder whose rows another version of the code played"
     )
     play.add_argument(
+        "--replay-changed", action="store_true", help="put rows of changed missions aside, and play them again"
+    )
+    play.add_argument(
         "--answer-s",
         metavar="S",
         type=float,
@@ -239,7 +242,7 @@ def _play(args: argparse.Namespace) -> int:
                        calls=args.calls, calls_from=args.calls_from, isolate=_isolation(args),
                        salt=args.salt or "")  # fmt: skip
         run.check_split(cells)
-        run.check_resumable(other_code=args.other_code)
+        tell_aside(run.check_resumable(other_code=args.other_code, replay_changed=args.replay_changed))
         run.services.tell = say
         if args.wait is not None:
             run.services.longest_wait_s = 60.0 * args.wait

@@ -91,6 +91,12 @@ def check_output(output: str, reads: Iterable[str | Path] = ()) -> None:
         raise UsageError(f"cannot write `{output}`: {error.strerror}", hint="choose another place with -o") from None
 
 
+def tell_aside(files: Iterable[Path]) -> None:
+    """Print on standard error where rows of an old version of a mission are now."""
+    for file in files:
+        say(f"the rows of an old version of a mission are in `{file}`; its episodes are played again")
+
+
 def say_written(path: str | Path) -> None:
     """Print the name and size of a written file on standard error."""
     size = Path(path).stat().st_size

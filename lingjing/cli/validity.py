@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lingjing.cli.arguments import check_counts
+from lingjing.cli.files import tell_aside
 from lingjing.cli.parser import ArgumentParser
 from lingjing.cli.process import ending_at_second_interrupt, say
 from lingjing.errors import ExitCode, UsageError
@@ -41,6 +42,9 @@ def add_validity(parser: ArgumentParser) -> None:
     parser.add_argument("--strict", action="store_true", help="walls around all policies, and none may be missing")
     parser.add_argument("--keep", action="store_true", help="keep every trace, for `lingjing bench audit`")
     parser.add_argument("--other-code", action="store_true", help="continue folders of another version of the code")
+    parser.add_argument(
+        "--replay-changed", action="store_true", help="put rows of changed missions aside, and play them again"
+    )
     parser.add_argument("--check", action="store_true", help="print the studies and the hours, and stop")
     parser.set_defaults(handler=play_validity)
 
@@ -175,7 +179,7 @@ def _open_and_play(
     executor = LocalExecutor(args.jobs)
     with open_studies(
         planned, folder, executor, strict=args.strict, keep=args.keep, other_code=args.other_code,
-        entrants=args.entrants,
+        replay_changed=args.replay_changed, entrants=args.entrants, tell_aside=tell_aside,
     ) as studies:  # fmt: skip
         rows = [row for study in studies for row in study.run.results.rows]
         rounds = Rounds(

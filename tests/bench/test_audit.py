@@ -17,7 +17,7 @@ import pytest
 import lingjing
 from lingjing.bench.auditing import Audit, Auditor, _calls_fault
 from lingjing.bench.merging import merge_rows
-from lingjing.bench.version import _meaning, benchmark_version
+from lingjing.bench.version import _meaning, mission_version
 from lingjing.errors import ExitCode, UsageError
 from lingjing.plugins.calls import CallRequest, CallResult
 from lingjing.testing import compiled, instantiate, run_command
@@ -107,7 +107,7 @@ def test_honest_rows_are_confirmed(results: Path, played: Path, capsys: pytest.C
     code, out = audited(results, capsys, "--salt", str(played / "split.salt"))
     assert (code, out.count("not checked")) == (ExitCode.OK, 2), out
     assert "not checked: 6 rows: its rules, except against other rows: its mission is not shipped" in out
-    assert "not checked: 6 rows: its versions of the benchmark and of the code" in out
+    assert "not checked: 6 rows: its versions of the mission and of the code" in out
     assert "6 of 6 rows, 1 of them replayed" in out
     code, out = audited(results, capsys, "--salt", str(played / "split.salt"), "--suite", str(played / "trips.toml"))
     assert (code, out.count("not checked")) == (ExitCode.OK, 0), out
@@ -253,14 +253,13 @@ def test_the_suite_of_other_rows_is_a_usage_error(results: Path, capsys: pytest.
     assert "`missions` is no list of names" in capsys.readouterr().err
 
 
-def test_the_versions_do_not_depend_on_the_folders_of_missions(tmp_path: Path) -> None:
+def test_the_hash_of_the_code_does_not_depend_on_the_folders_of_missions(tmp_path: Path) -> None:
     shipped = Path(lingjing.__file__).parents[1] / "scenarios" / "ssr.ljs"
     own = [tmp_path / name / "trip.ljs" for name in ("a", "z")]
     for file in own:
         file.parent.mkdir()
         file.write_text(TRIP)
-    for version in (benchmark_version, code_sha256):
-        assert version([own[0], shipped]) == version([shipped, own[1]])
+    assert code_sha256([own[0], shipped]) == code_sha256([shipped, own[1]])
 
 
 def test_other_rules_than_those_of_the_suites_own_mission_are_found(
@@ -278,9 +277,9 @@ def test_other_rules_than_those_of_the_suites_own_mission_are_found(
     assert (code, out.count("wrong:")) == (ExitCode.OK, 0), "alone they agree with each other"
     code, out = audited(easy / "out", capsys, "--suite", str(played / "trips.toml"))
     assert code == ExitCode.MISSION
-    assert "wrong: idle, trip-broadcast, seed 0: its version of the benchmark or of the code is not that of its" in out
+    assert "wrong: idle, trip-broadcast, seed 0: its version of the mission or of the code is not that of its" in out
     honest = {row.seed: row for row in read_results(results) if row.entrant == "oracle"}
-    versions = {"benchmark": honest[0].benchmark, "code": honest[0].code}
+    versions = {"mission_sha256": honest[0].mission_sha256, "code": honest[0].code}
     rows = [msgspec.structs.replace(row, **versions) for row in read_results(easy / "out")]
     for row in rows:
         shutil.copytree(
@@ -329,7 +328,10 @@ def test_what_other_code_and_removed_aborts_leave_open_is_named(
     rows = [msgspec.structs.replace(row, harness="0" * 64, benchmark="0" * 64) for row in read_results(results)]
     (results / RESULTS).write_bytes(encode_rows([*rows, aborted]))
     out = audited(results, capsys, "--suite", str(played / "trips.toml"), "--share", "1")[1]
-    assert "not checked: 6 rows: its versions of the benchmark and of the code: it was played with other code" in out
+    assert (
+        "not checked: 6 rows: its versions of the benchmark, the mission and the code: it was played with other code"
+        in out
+    )
     assert "not checked: 6 rows: the places of its entities: it was played with other code" in out
     assert "not checked: 1 row: its abort, which has no complete trace" in out
 
@@ -510,14 +512,37 @@ def test_rows_of_two_benchmark_versions_cannot_be_merged() -> None:
         merge_rows([(Path("a"), row) for row in rows], other_code=True)
 
 
-def test_the_benchmark_version_changes_with_the_text_of_a_mission(tmp_path: Path) -> None:
-    mission = tmp_path / "trip.ljs"
+def test_rows_of_two_versions_of_one_mission_cannot_be_merged() -> None:
+    rows = [made_row(mission="bi", mission_sha256="a"), made_row(mission="ld", mission_sha256="b")]
+    assert len(merge_rows([(Path("a"), row) for row in rows])) == 2, "each mission has a version of its own"
+    rows.append(made_row(mission="ld", seed=1, mission_sha256="c"))
+    with pytest.raises(UsageError, match="the results have more than one version of the mission `ld`: `b` in `a`, `c`"):
+        merge_rows([(Path("a"), row) for row in rows], other_code=True)
+
+
+def test_the_version_of_a_mission_covers_its_text_and_its_libraries(tmp_path: Path) -> None:
+    mission, moved = tmp_path / "trip.ljs", tmp_path / "copy" / "other.ljs"
     mission.write_text(TRIP)
-    first = benchmark_version([mission])
-    shipped = Path(lingjing.__file__).parents[1] / "scenarios" / "ssr.ljs"
-    assert benchmark_version([mission]) == first != benchmark_version([shipped])
+    moved.parent.mkdir()
+    moved.write_text(TRIP)
+    first = mission_version(mission)
+    assert mission_version(mission) == mission_version(moved) == first
     mission.write_text(TRIP.replace("51.5 m", "60 m"))
-    assert benchmark_version([mission]) != first
+    assert mission_version(mission) != first
+    library = tmp_path / "boats.ljs"
+    library.write_text("ljs 2\nuse std.sea { lifeboat }\n")
+    mission.write_text("ljs 2\nuse .boats { lifeboat }\n")
+    before = mission_version(mission)
+    library.write_text("ljs 2\nuse std.sea { lifeboat, coast_guard }\n")
+    assert mission_version(mission) != before
+
+
+def test_the_version_of_a_document_covers_the_shipped_missions(tmp_path: Path) -> None:
+    document = tmp_path / "search.json"
+    document.write_text("{}")
+    before = mission_version(document)
+    document.write_text('{"task": "SSR"}')
+    assert mission_version(document) != before
 
 
 def test_comments_and_docstrings_do_not_change_the_benchmark_version() -> None:

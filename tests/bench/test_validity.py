@@ -332,9 +332,58 @@ def test_rows_of_another_benchmark_or_code_are_refused_before_anything_is_played
     file.write_bytes(encode_rows([msgspec.structs.replace(row, benchmark="0" * 64) for row in rows]))
     assert run_command(command(place, "--other-code")) == ExitCode.USAGE
     assert "are of another version of the benchmark" in capsys.readouterr().err
+    file.write_bytes(encode_rows([msgspec.structs.replace(row, mission_sha256="0" * 64) for row in rows]))
+    assert run_command(command(place, "--other-code")) == ExitCode.USAGE
+    assert "are of another version of the mission" in capsys.readouterr().err
     file.write_bytes(encode_rows([msgspec.structs.replace(row, split_sha256="") for row in rows]))
     assert run_command(command(place)) == ExitCode.USAGE
     assert "were drawn with public seeds" in capsys.readouterr().err
+
+
+def test_rows_of_a_changed_mission_are_put_aside_and_played_again(
+    place: Path, tasks: AnsweringExecutor, capsys: Capture
+) -> None:
+    (place / "way.ljs").write_text(TIERED.replace("trip", "way"))
+    (place / "tiny.toml").write_text(PROGRAM.replace('["trip.ljs"]', '["trip.ljs", "way.ljs"]'))
+    assert run_command(command(place)) == ExitCode.OK
+    first = {study: read_results(place / "out" / study) for study in ("reference-tier0", "redrawn-tier1")}
+    played = len(tasks.tasks)
+    (place / "trip.ljs").write_text(f"{TIERED}# changed\n")
+    capsys.readouterr()
+    assert run_command(command(place, "--other-code")) == ExitCode.USAGE
+    assert "(6) are of another version of the mission" in (text := capsys.readouterr().err) and "`trip`" in text
+    assert run_command(command(place, "--replay-changed")) == ExitCode.USAGE, "the rows of `way` are of other code"
+    assert read_results(place / "out" / "reference-tier0") == first["reference-tier0"], "nothing was moved"
+    capsys.readouterr()
+    assert run_command(command(place, "--replay-changed", "--other-code")) == ExitCode.OK
+    assert capsys.readouterr().err.count("the rows of an old version of a mission are in `") == 3
+    assert len(tasks.tasks) == played + 14 and all(
+        str(task.options.mission).endswith("trip.ljs") for task in tasks.tasks[played:]
+    )
+    for study, before in first.items():
+        (aside,) = (place / "out" / study).glob("results-trip-*.parquet")
+        old = [row for row in before if row.mission == "trip"]
+        assert sorted(read_results(aside), key=lambda row: row.key) == sorted(old, key=lambda row: row.key)
+        now = read_results(place / "out" / study)
+        assert len(now) == len(before)
+        assert [row for row in now if row.mission == "way"] == [row for row in before if row.mission == "way"]
+        assert len({row.mission_sha256 for row in now}) == 2 and not {row.key for row in now} ^ {r.key for r in before}
+        assert not {row.mission_sha256 for row in now if row.mission == "trip"} & {row.mission_sha256 for row in old}
+
+
+def test_rows_with_kept_traces_are_not_put_aside(place: Path, tasks: AnsweringExecutor, capsys: Capture) -> None:
+    assert run_command(command(place, "--limit", "1")) == ExitCode.OK
+    file = place / "out" / "redrawn-tier1" / "results.parquet"
+    rows = [
+        msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, trace="runs/a/trace.mcap"))
+        for row in read_results(file)
+    ]
+    file.write_bytes(encode_rows(rows))
+    (place / "trip.ljs").write_text(f"{TIERED}# changed\n")
+    capsys.readouterr()
+    assert run_command(command(place, "--replay-changed", "--other-code", "--parts", "redrawn")) == ExitCode.USAGE
+    assert "have kept traces, which new episodes would overwrite" in capsys.readouterr().err
+    assert file.read_bytes() == encode_rows(rows)
 
 
 @pytest.mark.slow
@@ -425,6 +474,7 @@ def test_a_record_has_a_line_for_each_cell_in_order(place: Path, tasks: Answerin
     keys = [(cell.study, cell.column, cell.tier, cell.entrant) for cell in record.cells]
     assert keys == sorted(keys)
     assert all(study.benchmark and len(study.code) == 1 for study in record.studies)
+    assert all(study.missions and all(map(bool, study.missions.values())) for study in record.studies)
 
 
 @pytest.mark.parametrize(

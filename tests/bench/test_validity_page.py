@@ -174,10 +174,11 @@ def test_stored_rows_are_replaced_as_a_whole(
     [
         ({"suite": "reference-tier1"}, "holds results of the suite `reference-tier1`"),
         ({"benchmark": "0" * 64}, "are of several versions of the benchmark"),
+        ({"mission_sha256": "0" * 64}, "are of several versions of the mission `"),
         ({"split_sha256": "0" * 64}, "or of several salts"),
     ],
 )
-def test_rows_of_another_suite_benchmark_or_salt_do_not_reach_the_pages(
+def test_rows_of_another_suite_benchmark_mission_or_salt_do_not_reach_the_pages(
     root: Path, folder: Path, capsys: pytest.CaptureFixture[str], changes: dict[str, Any], message: str
 ) -> None:
     first, *rows = read_results(folder / "reference-tier0")

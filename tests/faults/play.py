@@ -160,7 +160,7 @@ class FaultPlayer:
         for module in (*PLAYED_WITH, *SERVES, *ENGINE_MODULES, *IMPORTED):
             import_module(module)
         share(json.dumps({"options": {"mission": str(HERE / "trip.ljs")}, "repeated": False}))
-        import_module("lingjing.bench.version").benchmark_version(())  # each suite would compute both, in 1 s
+        import_module("lingjing.bench.version").benchmark_version()  # each suite would compute both, in 1 s
         import_module("lingjing.bench.rows").code_sha256(())
         gc.collect()
         gc.freeze()

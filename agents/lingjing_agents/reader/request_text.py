@@ -28,6 +28,7 @@ from lingjing.plugins.policy import (
     EventView,
     Field,
     Inbox,
+    LimitSpec,
     MessageSpec,
     Observation,
     Peer,
@@ -51,6 +52,9 @@ _RECORDS = (
     ({"task", "state"}, "status", "target_status"),
 )
 """The record and the category of a message, by its fields."""
+
+_CLAIMS = re.compile(r"^\*(\w+)\*: all agents together may make (\d+) claims")
+"""A rule that limits claims, with the limit's name and number."""
 
 _MOTIONS: tuple[tuple[str, VerbMotion], ...] = (
     ("to the place", "straight"),
@@ -149,7 +153,16 @@ def brief_from(system: str) -> Brief:
         water_level_m=known["water_level_m"],
         settings=known.get("settings", {}),
         rules=tuple(_rules(system)),
+        limits=tuple(_limits(system)),
     )
+
+
+def _limits(system: str) -> Iterator[LimitSpec]:
+    """Yield the limits of claims that the rules name."""
+    for rule in _rules(system):
+        if found := _CLAIMS.search(rule):
+            limit = {"name": found[1], "most": int(found[2]), "counts": [{"kind": "claims"}]}
+            yield converted(limit, LimitSpec)
 
 
 def _rules(system: str) -> Iterator[str]:

@@ -39,6 +39,8 @@ class RecordedStudy(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
     """The comparison that it was made for; "" for none."""
     benchmark: tuple[str, ...] = ()
     """The version of the benchmark; none if nothing was played."""
+    missions: dict[str, str] = {}
+    """The version of each mission that was played, by its name."""
     code: tuple[str, ...] = ()
     """The hashes of the code, sorted; several only with `--other-code`."""
     split: str = ""
@@ -145,6 +147,9 @@ def _check_alike(study: Study) -> None:
         raise UsageError(
             f"the rows in `{folder}` are of several versions of the benchmark, or of several salts", hint=hint
         )
+    for mission in sorted({row.mission for row in rows}):
+        if len({row.mission_sha256 for row in rows if row.mission == mission}) > 1:
+            raise UsageError(f"the rows in `{folder}` are of several versions of the mission `{mission}`", hint=hint)
 
 
 def _recorded(study: Study) -> RecordedStudy:
@@ -154,6 +159,7 @@ def _recorded(study: Study) -> RecordedStudy:
         study=study.planned.name,
         compares=(study.planned.part.compares or "") if isinstance(study, PartStudy) else "",
         benchmark=tuple(sorted({row.benchmark for row in rows})),
+        missions=dict(sorted({row.mission: row.mission_sha256 for row in rows if row.mission_sha256}.items())),
         code=tuple(sorted({row.code for row in rows})),
         split=next((row.split_sha256 for row in rows), ""),
         audited=sum(row_sha256(row) in marks for row in counted) if marks else 0,

@@ -6,7 +6,7 @@ adversaries. Both leave the playing to `SuiteRun`.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -270,11 +270,13 @@ class AdversaryStudy:
 @contextmanager
 def open_studies(
     planned: Sequence[Planned], folder: Path, executor: Executor, *, strict: bool = False, keep: bool = False,
-    other_code: bool = False, reading: bool = False, entrants: Collection[str] = (),
+    other_code: bool = False, replay_changed: bool = False, reading: bool = False, entrants: Collection[str] = (),
+    tell_aside: Callable[[tuple[Path, ...]], None] = lambda files: None,
 ) -> Iterator[tuple[Study, ...]]:  # fmt: skip
     """Yield the studies in folders below `folder`, which are made and locked. `strict`: every wall must stand.
     `reading`: nothing will be played, so that rows of another version may stand there. `entrants`: only these entrants
-    of the parts are due; all if none is named.
+    of the parts are due; all if none is named. `replay_changed`: rows of missions that have changed are put aside;
+    `tell_aside` receives their files.
 
     Raises `UsageError` before anything is played if a folder cannot be written, or holds rows that may not stand beside
     new ones, as `lingjing bench` does.
@@ -296,7 +298,7 @@ def open_studies(
                 studies.append(PartStudy(plan, run, entrants))
             if not reading:
                 run.check_split(plan.plan.cells)
-                run.check_resumable(other_code=other_code)
+                tell_aside(run.check_resumable(other_code=other_code, replay_changed=replay_changed))
         yield tuple(studies)
 
 

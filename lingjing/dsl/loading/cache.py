@@ -89,12 +89,33 @@ def keep(compilation: Compilation) -> None:
     if len(mission) > LARGEST_ENTRY:
         return
     try:
-        entry = CacheEntry(tuple(_libraries(source)), compilation.diagnostics, mission)
+        entry = CacheEntry(tuple(libraries_of(source)), compilation.diagnostics, mission)
         file = _file(source)
         write_kept(file, msgspec.msgpack.encode(entry))
         prune(os.path.dirname(file), most_bytes=MOST_BYTES, most_files=MOST_ENTRIES)  # noqa: PTH120
     except (OSError, UsageError, PluginError):
         return
+
+
+def libraries_of(source: SourceText) -> Iterator[tuple[str, str]]:
+    """Yield the file and the SHA-256 of each library that a text names in a `use`, and of those that these name, in the
+    order of their first use.
+    """
+    from lingjing.dsl.checking import library
+
+    seen: set[str] = set()
+    waiting = [(source.text, source.path)]
+    while waiting:
+        text, path = waiting.pop()
+        for match in _USE.finditer(text):
+            words = tuple(word.strip() for word in match["path"].split("."))
+            file = library.find_file(words, library.folder_of(path)) if match["dot"] else library.find_file(words)
+            if file is None or file in seen:
+                continue
+            seen.add(file)
+            read = read_source(file)
+            yield file, sha256(read.text.encode("utf-8", "surrogatepass")).hexdigest()
+            waiting.append((read.text, file))
 
 
 # -- private
@@ -119,7 +140,7 @@ def _entry(source: SourceText) -> CacheEntry | None:
         if data is None:
             return None
         entry = from_msgpack(data, CacheEntry)
-        return entry if tuple(_libraries(source)) == entry.libraries else None
+        return entry if tuple(libraries_of(source)) == entry.libraries else None
     except (OSError, msgspec.DecodeError, UsageError, PluginError):
         return None
 
@@ -146,22 +167,3 @@ def _compiler() -> str:
                 waiting.append(item.path)
     kinds = os.stat(os.path.join(package, "kinds.json"))  # noqa: PTH116, PTH118
     return "\n".join((*stamps, f"kinds.json {kinds.st_size} {kinds.st_mtime_ns}"))
-
-
-def _libraries(source: SourceText) -> Iterator[tuple[str, str]]:
-    """Every library that a text names in a `use`, and those that these name."""
-    from lingjing.dsl.checking import library
-
-    seen: set[str] = set()
-    waiting = [(source.text, source.path)]
-    while waiting:
-        text, path = waiting.pop()
-        for match in _USE.finditer(text):
-            words = tuple(word.strip() for word in match["path"].split("."))
-            file = library.find_file(words, library.folder_of(path)) if match["dot"] else library.find_file(words)
-            if file is None or file in seen:
-                continue
-            seen.add(file)
-            read = read_source(file)
-            yield file, sha256(read.text.encode("utf-8", "surrogatepass")).hexdigest()
-            waiting.append((read.text, file))

@@ -234,7 +234,8 @@ class FireSearcher:
         if flames.distance_m > CLOSER * fire.reported_from_m:
             return
         if self._claims_left is not None:
-            if self._claims_left < 1 or flames.distance_m > SURE_REPORT_M:
+            again = math.isfinite(fire.reported_from_m)  # the last claim is kept for a fire that has none yet
+            if self._claims_left < (2 if again else 1) or flames.distance_m > SURE_REPORT_M:
                 return
             self._claims_left -= 1
         fire.reported_from_m = flames.distance_m
