@@ -18,10 +18,9 @@ from lingjing_agents.reader.true_boxes import TrueBoxes
 import lingjing
 from agents.tests.agent_kit import brief, picture
 from agents.tests.test_react_encoding import roles, sent
-from agents.tests.test_react_request import COLUMNS, brief_of, observation
+from agents.tests.test_react_request import COLUMNS, brief_of, briefs_of, observation
 from lingjing import metrics
 from lingjing import read as read_trace
-from lingjing.kernel.rule_sentences import rule_sentences
 from lingjing.plugins.decisions import sendable
 from lingjing.plugins.policy import FrameInfo
 from lingjing.testing import instantiate, mission_file
@@ -58,12 +57,12 @@ async def test_the_limit_of_claims_is_read_from_the_rules() -> None:
     (agent,) = roles("bi-single")
     system, _ = await _first_request("bi-single", agent)
     assert claims_limit(brief_from(system)) is None, "tier 0 has none"
-    hardened = instantiate(lingjing.compile(mission_file("bi")), seed=1, mode="single", tier=1)
-    (rule,) = (sentence for sentence in rule_sentences(hardened) if "claims" in sentence)
+    (hardened,) = briefs_of(instantiate(lingjing.compile(mission_file("bi")), seed=1, mode="single", tier=1))
+    (rule,) = (sentence for sentence in hardened.rules if "claims" in sentence)
     head, others = system.split("RULES OF THIS MISSION", 1)
     first, rest = others.split("\n", 1)
     read = brief_from(f"{head}RULES OF THIS MISSION{first}\n- {rule}.\n{rest}")
-    assert claims_limit(read) == min(limit.most for limit in hardened.limits) == 2
+    assert claims_limit(read) == claims_limit(hardened) == 2
 
 
 def _commands(resource: Any) -> tuple[Any, ...]:

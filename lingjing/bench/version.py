@@ -3,8 +3,8 @@
 There are two, and a row has both. `benchmark_version` covers what all missions share: prompts, looks, the drawing of
 instances and the modules that judge. `mission_version` covers one mission: its text and the libraries that it uses. Two
 commits with equal hashes pose the same task, with the same prompts and the same looks, and judge alike. Rows of two
-versions never stand in one table, but a change of one mission leaves the rows of the others valid. The code that
-decides nothing of it, such as a faster engine, has no part in the version; `rows.code_sha256` covers all code.
+versions never stand in one table, but a change of one mission leaves the rows of the others valid (ADR 0065). The code
+that decides nothing of it, such as a faster engine, has no part in the version; `rows.code_sha256` covers all code.
 """
 
 from __future__ import annotations

@@ -160,8 +160,8 @@ def brief_from(system: str) -> Brief:
 def _limits(system: str) -> Iterator[LimitSpec]:
     """Yield the limits of claims that the rules name."""
     for rule in _rules(system):
-        if found := _CLAIMS.search(rule):
-            limit = {"name": found[1], "most": int(found[2]), "counts": [{"kind": "claims"}]}
+        if match := _CLAIMS.search(rule):
+            limit = {"name": match[1], "most": int(match[2]), "counts": [{"kind": "claims"}]}
             yield converted(limit, LimitSpec)
 
 
