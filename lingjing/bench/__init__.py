@@ -19,7 +19,7 @@ Modules in the order of a run:
 - `services`     waits for services that are down
 - `folder`       stores rows while the suite is played
 - `rows`, `parquet`  rows, and their file format
-- `evidence`, `version`  the seal of a row, and the version of the benchmark; `auditing` checks both against traces
+- `evidence`, `version`  the seal of a row, and the versions of benchmark and missions; `auditing` checks them
 - `merging`      joins the results of several machines
 - `played`       rates and means of a cell, with `statistics` for intervals and tests
 - `unresolved`   entrants with lost episodes, and the bounds of their rates

@@ -53,6 +53,7 @@ OTHER_RULES = "its rules: they differ from those of its mission, and it was play
 ABORT_REMOVED = "its abort, which has no complete trace"
 OTHER_CITY = "its rules, except against other rows: it was played in another city"
 OLDER_TRACE = "its options such as `blank_pictures`: its trace is from before traces had them"
+OTHER_SUITE = "the hash of its code: another mission of its suite has changed since"
 OTHER_MISSIONS = "its versions of the mission and of the code: they are not those of a shipped suite (--suite FILE)"
 """The reasons for which a row cannot be checked, or not wholly."""
 
@@ -180,10 +181,11 @@ class Auditor:
                     audit.unchecked[OTHER_VERSIONS] += 1
                 elif row.benchmark != benchmark_version():
                     yield Finding(row, "its version of the benchmark is not that of the code")
-                elif (row.mission_sha256, row.code) == (missions.get(row.mission), code):
-                    continue
+                elif row.mission_sha256 == missions.get(row.mission):
+                    if row.code != code:
+                        audit.unchecked[OTHER_SUITE] += 1
                 elif self.suite is not None:
-                    yield Finding(row, "its version of the mission or of the code is not that of its suite")
+                    yield Finding(row, "its version of the mission is not that of its suite")
                 else:
                     audit.unchecked[OTHER_MISSIONS] += 1
 

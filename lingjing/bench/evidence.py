@@ -48,8 +48,10 @@ class AuditRecord(msgspec.Struct, frozen=True, kw_only=True):
 def row_sha256(row: SuiteRow) -> str:
     """Return the hash of a row. The attention IoU is read from files beside the trace and has no part in it."""
     plain = msgspec.json.encode(msgspec.structs.replace(row, attention_iou=None), order="deterministic")
-    if row.foreign is None:  # the hash of a row from before the field does not change
+    if row.foreign is None:  # the hash of a row from before a field does not change
         plain = plain.replace(b'"foreign":null,', b"", 1)
+    if not row.mission_sha256:
+        plain = plain.replace(b'"mission_sha256":"",', b"", 1)
     return hashlib.sha256(plain).hexdigest()
 
 

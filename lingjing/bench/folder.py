@@ -13,6 +13,7 @@ import re
 import secrets
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from typing import IO
 
@@ -136,13 +137,17 @@ class ResultsFolder:
     def put_aside(self, mission: str) -> Path:
         """Move the rows of a mission into a file of their own, and return its path.
 
-        The file is written first, so a kill loses no row; rows that are in it already stay there.
+        The file is written first, so a kill loses no row. Rows that lie aside already are never replaced: other rows of
+        the same episodes get another file.
         """
         own = [row for row in self.rows if row.mission == mission]
-        version = own[0].mission_sha256[:12] if own else ""
-        aside = self.folder / f"results-{_plain(mission)}-{version or 'old'}{_SUFFIX}"
-        there = read_rows(aside) if aside.is_file() else []
-        self._write(aside, encode_rows(list({row.key: row for row in (*there, *own)}.values())))
+        stem = f"results-{_plain(mission)}-{own[0].mission_sha256[:12] or 'old'}"
+        for name in (f"{stem}{'' if number == 1 else f'-{number}'}{_SUFFIX}" for number in count(1)):
+            aside = self.folder / name
+            there = {row.key: row for row in read_rows(aside)} if aside.is_file() else {}
+            if all(there.get(row.key, row) == row for row in own):
+                break
+        self._write(aside, encode_rows(list({**there, **{row.key: row for row in own}}.values())))
         self.rows = [row for row in self.rows if row.mission != mission]
         self._write(self.folder / RESULTS, encode_rows(self.rows))
         while self._parts:

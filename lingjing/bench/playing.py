@@ -90,6 +90,7 @@ def bench(
     max_cost: float | None = None,
     keep: bool = False,
     other_code: bool = False,
+    replay_changed: bool = False,
     isolate: Isolation = "foreign",
     trust: Sequence[str] = (),
     salt: str | PathLike[str] = "",
@@ -100,10 +101,10 @@ def bench(
     `suite` is a TOML file or the name of a shipped suite. `out` is the results folder; an existing one is continued.
     `missions`, `modes` and `entrants` select parts of the suite; `policies` replace its entrants, `seeds` its seeds.
     `keep` keeps every trace, `max_cost` limits the cost of model calls (US dollars), `other_code` accepts rows of
-    another version of the code. `isolate` puts walls around policies: around none (`no`), around those that are not
-    this project's (`foreign`), around all (`yes`), or around all and none may be missing (`strict`). Foreign plug-ins
-    then run in this process only if `trust` names them. `salt` is the secret
-    file of a sealed split (`docs/trust.md`). `progress` receives each new row.
+    another version of the code, `replay_changed` puts rows of missions that have changed aside. `isolate` puts walls
+    around policies: around none (`no`), around those that are not this project's (`foreign`), around all (`yes`), or
+    around all and none may be missing (`strict`). Foreign plug-ins then run in this process only if `trust` names them.
+    `salt` is the secret file of a sealed split (`docs/trust.md`). `progress` receives each new row.
 
     >>> results = lingjing.bench("first.toml", out="runs/bench/first", policies=["random"], seeds=[0])
     >>> results.rows[0].standing
@@ -119,7 +120,7 @@ def bench(
     with trusting(None if isolate == "no" else trust):
         return _benched(
             path, out, jobs, missions, modes, entrants, policies, seeds, max_cost, progress,
-            keep=keep, other_code=other_code, isolate=isolate, salt=fspath(salt),
+            keep=keep, other_code=other_code, replay_changed=replay_changed, isolate=isolate, salt=fspath(salt),
         )  # fmt: skip
 
 
@@ -137,6 +138,7 @@ def _benched(
     *,
     keep: bool,
     other_code: bool,
+    replay_changed: bool,
     isolate: Isolation,
     salt: str,
 ) -> SuiteResults:
@@ -152,7 +154,7 @@ def _benched(
             plan, results, code, LocalExecutor(jobs), keep=keep, max_cost=max_cost, isolate=isolate, salt=salt
         )
         run.check_split(cells)
-        run.check_resumable(other_code=other_code)
+        run.check_resumable(other_code=other_code, replay_changed=replay_changed)
         results.write("suite.toml", path.read_text(encoding="utf-8"))
         if progress is not None:
             run.tell = lambda row, _: progress(row)

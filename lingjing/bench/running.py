@@ -148,6 +148,11 @@ class SuiteRun:
                 f"`{folder}` holds results of the suite `{others[0]}`, this is `{suite}`",
                 hint="choose another folder with -o",
             )
+        if any(not row.mission_sha256 for row in rows):
+            raise UsageError(
+                f"the rows in `{folder}` are from before missions had versions",
+                hint="choose another folder with -o",
+            )
         if any(row.benchmark != self.benchmark for row in rows):
             raise UsageError(
                 f"the rows in `{folder}` are of another version of the benchmark: prompts, looks or adjudication have "
@@ -180,20 +185,19 @@ class SuiteRun:
         """Return the missions with rows of another version. Raises `UsageError` if they may not be put aside."""
         folder, known = self.results.folder, self.missions
         old = [row for row in self.results.rows if row.mission_sha256 != known.get(row.mission, row.mission_sha256)]
-        names = sorted({row.mission for row in old})
-        listed = ", ".join(f"`{name}`" for name in names)
         if old and not replay_changed:
             raise UsageError(
-                f"the rows of {listed} in `{folder}` ({len(old)}) are of another version of the mission: its text or a "
-                "library has changed since",
-                hint="choose another folder with -o, or put them aside and play again with --replay-changed",
+                f"the rows of {_listed(old)} in `{folder}` ({len(old)}) are of another version of the mission: its "
+                "text, a library, a map or a look has changed since",
+                hint="choose another folder with -o, or put them aside and play again with --replay-changed "
+                "--other-code",
             )
-        if any(row.report.trace for row in old):
+        if kept := [row for row in old if row.report.trace]:
             raise UsageError(
-                f"the rows of {listed} in `{folder}` have kept traces, which new episodes would overwrite",
+                f"the rows of {_listed(kept)} in `{folder}` have kept traces, which new episodes would overwrite",
                 hint="choose another folder with -o",
             )
-        return names
+        return sorted({row.mission for row in old})
 
     @cached_property
     def split_sha256(self) -> str:
@@ -208,7 +212,8 @@ class SuiteRun:
     @cached_property
     def missions(self) -> dict[str, str]:
         """The version of each mission of the suite, by its name."""
-        return {cell.column.mission: mission_version(cell.column.path) for cell in self.plan.cells}
+        files = {cell.column.mission: cell.column.path for cell in self.plan.cells}
+        return {name: mission_version(file) for name, file in files.items()}
 
     @cached_property
     def harness(self) -> str:
@@ -402,6 +407,11 @@ class SuiteRun:
             options=without_places(msgspec.structs.replace(options, mission=cell.column.mission)),
             report=msgspec.structs.replace(report, trace=kept, policy=without_folder(report.policy)),
         )
+
+
+def _listed(rows: Iterable[SuiteRow]) -> str:
+    """Return the missions of rows for a message."""
+    return ", ".join(f"`{name}`" for name in sorted({row.mission for row in rows}))
 
 
 def _served(record: Path) -> str:

@@ -1,7 +1,7 @@
 """The version of the benchmark: hashes over everything that decides which task an episode poses and how it is scored.
 
 There are two, and a row has both. `benchmark_version` covers what all missions share: prompts, looks, the drawing of
-instances and the modules that judge. `mission_version` covers one mission: its text and the libraries that it uses. Two
+instances and the modules that judge. `mission_version` covers one mission: its text, libraries, maps and looks. Two
 commits with equal hashes pose the same task, with the same prompts and the same looks, and judge alike. Rows of two
 versions never stand in one table, but a change of one mission leaves the rows of the others valid (ADR 0065). The code
 that decides nothing of it, such as a faster engine, has no part in the version; `rows.code_sha256` covers all code.
@@ -17,8 +17,9 @@ from pathlib import Path
 
 import lingjing
 from lingjing.data import data_path
+from lingjing.dsl.feasibility.providers import named_files
 from lingjing.dsl.loading.cache import libraries_of
-from lingjing.dsl.loading.load import is_document
+from lingjing.dsl.loading.load import is_document, load_mission
 from lingjing.dsl.source.text import read_source
 
 _JUDGING = (
@@ -59,20 +60,32 @@ def benchmark_version() -> str:
 
 
 def mission_version(mission: Path) -> str:
-    """Return the SHA-256 of a mission: its file, and each library that it uses, directly or through others.
+    """Return the SHA-256 of a mission: its file, the libraries that it uses, directly or through others, and the maps
+    and looks that it names.
 
-    A `resetScenario` document is read by templates, which are the shipped missions; all of them count for it. The
-    file's folder and name have no part in the version. Raises `UsageError` for a file that cannot be read.
+    A `resetScenario` document is read by templates: for it, the shipped missions and those beside it count. Names of
+    files and folders have no part in the version. Raises `UsageError` for a file that cannot be read, and
+    `MissionError` for a mission with errors.
     """
     source = read_source(str(mission))
     digest = hashlib.sha256(source.text.encode("utf-8", "surrogatepass"))
     if is_document(source):
-        shipped = (*data_path("scenarios").glob("reset-templates.json"), *data_path("scenarios").glob("*.ljs"))
-        used = {_sha256(path) for path in (*shipped, *data_path("std").glob("*.ljs"))}
+        used = [_sha256(path) for path in _templates(mission)]
     else:
-        used = {sha256 for _, sha256 in libraries_of(source)}
-    digest.update("".join(sorted(used)).encode())
+        used = [sha256 for _, sha256 in libraries_of(source)]
+    used += [_sha256(path) for name in named_files(load_mission(mission)) for path in _inside(Path(name))]
+    for sha256 in used:
+        digest.update(f"\n{sha256}".encode())
     return digest.hexdigest()
+
+
+def _templates(document: Path) -> Iterator[Path]:
+    """Yield the files by which a document may be read, in order."""
+    shipped = data_path("scenarios")
+    yield from sorted(document.parent.glob("*.ljs"))
+    yield from (path for folder in (shipped, shipped / "reset") for path in sorted(folder.glob("*.ljs")))
+    yield from sorted(data_path("std").glob("*.ljs"))
+    yield from shipped.glob("reset-templates.json")
 
 
 def _sha256(path: Path) -> str:
@@ -81,11 +94,14 @@ def _sha256(path: Path) -> str:
 
 def _files(root: Path, part: str) -> Iterator[tuple[str, Path]]:
     """Yield the files of a part with their names; a folder's in order."""
-    place = root / part
+    for path in _inside(root / part):
+        yield path.relative_to(root).as_posix(), path
+
+
+def _inside(place: Path) -> Iterator[Path]:
+    """Yield a file, or the files of a folder in order."""
     inside = sorted(place.rglob("*")) if place.is_dir() else [place]
-    for path in inside:
-        if path.is_file() and "__pycache__" not in path.parts:
-            yield path.relative_to(root).as_posix(), path
+    yield from (path for path in inside if path.is_file() and "__pycache__" not in path.parts)
 
 
 def _prompts() -> Iterator[tuple[str, Path]]:

@@ -94,7 +94,9 @@ def check_output(output: str, reads: Iterable[str | Path] = ()) -> None:
 def tell_aside(files: Iterable[Path]) -> None:
     """Print on standard error where rows of an old version of a mission are now."""
     for file in files:
-        say(f"the rows of an old version of a mission are in `{file}`; its episodes are played again")
+        say(
+            f"`{file}` has the rows of an old version of a mission; no table shows them, and its episodes are due again"
+        )
 
 
 def say_written(path: str | Path) -> None:

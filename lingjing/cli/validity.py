@@ -125,13 +125,17 @@ def _say_size(
     from lingjing.bench.folder import read_results
     from lingjing.bench.validity.rounds import Durations
     from lingjing.bench.validity.studies import planned_cells
+    from lingjing.bench.version import mission_version
 
     rows: list[SuiteRow] = []
     for plan in planned:
         with suppress(UsageError):  # a folder without results
             rows += read_results(folder / plan.name)
     durations = Durations(file.program.seconds, rows)
-    done = {key for row in rows if row.standing != "aborted" for key in _keys(row)}
+    files = {cell.column.mission: cell.column.path for plan in planned for cell in plan.plan.cells}
+    versions = {name: mission_version(mission) for name, mission in files.items()}
+    valid = [row for row in rows if row.standing != "aborted" and row.mission_sha256 == versions.get(row.mission)]
+    done = {key for row in valid for key in _keys(row)}
     whole, whole_h = 0, 0.0
     for plan in planned:
         if plan.name not in chosen:

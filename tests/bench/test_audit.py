@@ -277,7 +277,7 @@ def test_other_rules_than_those_of_the_suites_own_mission_are_found(
     assert (code, out.count("wrong:")) == (ExitCode.OK, 0), "alone they agree with each other"
     code, out = audited(easy / "out", capsys, "--suite", str(played / "trips.toml"))
     assert code == ExitCode.MISSION
-    assert "wrong: idle, trip-broadcast, seed 0: its version of the mission or of the code is not that of its" in out
+    assert "wrong: idle, trip-broadcast, seed 0: its version of the mission is not that of its suite" in out
     honest = {row.seed: row for row in read_results(results) if row.entrant == "oracle"}
     versions = {"mission_sha256": honest[0].mission_sha256, "code": honest[0].code}
     rows = [msgspec.structs.replace(row, **versions) for row in read_results(easy / "out")]
@@ -530,19 +530,67 @@ def test_the_version_of_a_mission_covers_its_text_and_its_libraries(tmp_path: Pa
     mission.write_text(TRIP.replace("51.5 m", "60 m"))
     assert mission_version(mission) != first
     library = tmp_path / "boats.ljs"
-    library.write_text("ljs 2\nuse std.sea { lifeboat }\n")
-    mission.write_text("ljs 2\nuse .boats { lifeboat }\n")
+    used = TRIP.index("use ")
+    library.write_text("ljs 2\ntarget wreck { engine = city }\n")
+    mission.write_text(f"{TRIP[:used]}use .boats {{ wreck }}\n{TRIP[used:]}")
     before = mission_version(mission)
-    library.write_text("ljs 2\nuse std.sea { lifeboat, coast_guard }\n")
+    library.write_text("ljs 2\ntarget wreck { engine = city, drift = 0.1 m/s }\n")
     assert mission_version(mission) != before
 
 
-def test_the_version_of_a_document_covers_the_shipped_missions(tmp_path: Path) -> None:
+def test_exchanged_libraries_and_a_use_over_two_lines_change_the_version_of_a_mission(tmp_path: Path) -> None:
+    first, second, mission = (tmp_path / name for name in ("near.ljs", "sub/far.ljs", "trip.ljs"))
+    second.parent.mkdir()
+    used = TRIP.index("use ")
+    own = "use .near { wreck }\nuse .sub. # a folder\n  far { hulk }\n"
+    mission.write_text(f"{TRIP[:used]}{own}{TRIP[used:]}")
+    slow, fast = (
+        f"ljs 2\ntarget wreck {{ engine = city, drift = {drift} m/s }}\ntarget hulk {{ engine = city }}\n"
+        for drift in (0.1, 0.3)
+    )
+    versions = set()
+    for near, far in ((slow, fast), (fast, slow), (slow, slow)):
+        first.write_text(near)
+        second.write_text(far)
+        versions.add(mission_version(mission))
+    assert len(versions) == 3
+
+
+def test_the_version_of_a_mission_covers_its_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    mission, town = tmp_path / "trip.ljs", tmp_path / "town.osm"
+    scene = TRIP[TRIP.index("  scene ") : TRIP.index("}", TRIP.index("  scene ")) + 1]
+    mission.write_text(TRIP.replace(scene, '  scene map { file = "town.osm" }'))
+    town.write_text("<osm/>")
+    before = mission_version(mission)
+    town.write_text("<osm></osm>")
+    assert mission_version(mission) != before
+
+
+def test_the_version_of_a_document_covers_the_templates_beside_it(tmp_path: Path) -> None:
     document = tmp_path / "search.json"
-    document.write_text("{}")
+    shutil.copy(sorted((Path(lingjing.__file__).parents[1] / "scenarios" / "reset").glob("*.json"))[0], document)
     before = mission_version(document)
-    document.write_text('{"task": "SSR"}')
+    (tmp_path / "other.ljs").write_text(TRIP)
     assert mission_version(document) != before
+
+
+def test_rows_of_unchanged_missions_stay_right_after_another_one_has_changed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Their `code` covers all missions of the suite, and is another one now."""
+    for name in ("trip", "way"):
+        (tmp_path / f"{name}.ljs").write_text(TRIP.replace("mission trip", f"mission {name}"))
+    suite = tmp_path / "two.toml"
+    suite.write_text(SUITE.replace('["trip.ljs"]', '["trip.ljs", "way.ljs"]'))
+    command = ["bench", str(suite), "-o", str(tmp_path / "out"), "--entrants", "oracle", "--limit", "1"]
+    assert run_command([*command, "--missions", "way", "--keep"]) == run_command(command) == ExitCode.OK
+    (tmp_path / "trip.ljs").write_text(f"{TRIP}# changed\n")
+    capsys.readouterr()
+    assert run_command([*command, "--replay-changed", "--other-code"]) == ExitCode.OK
+    code, out = audited(tmp_path / "out", capsys, "--suite", str(suite))
+    assert (code, out.count("wrong:")) == (ExitCode.OK, 0), out
+    assert "not checked: 1 row: the hash of its code: another mission of its suite has changed since" in out
 
 
 def test_comments_and_docstrings_do_not_change_the_benchmark_version() -> None:

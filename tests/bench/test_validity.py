@@ -19,7 +19,15 @@ import pytest
 
 from lingjing.bench.validity.pages import readme_rows, tables
 from lingjing.bench.validity.program import read_program
-from lingjing.bench.validity.record import ValidityRecord, encode_record, ranges, read_record, seeds_of
+from lingjing.bench.validity.record import (
+    ValidityRecord,
+    encode_record,
+    make_record,
+    ranges,
+    read_record,
+    reading_studies,
+    seeds_of,
+)
 from lingjing.bench.validity.studies import PlannedPart, plan_program
 from lingjing.decoding import converted
 from lingjing.errors import ExitCode, UsageError
@@ -356,7 +364,7 @@ def test_rows_of_a_changed_mission_are_put_aside_and_played_again(
     assert read_results(place / "out" / "reference-tier0") == first["reference-tier0"], "nothing was moved"
     capsys.readouterr()
     assert run_command(command(place, "--replay-changed", "--other-code")) == ExitCode.OK
-    assert capsys.readouterr().err.count("the rows of an old version of a mission are in `") == 3
+    assert capsys.readouterr().err.count("has the rows of an old version of a mission") == 3
     assert len(tasks.tasks) == played + 14 and all(
         str(task.options.mission).endswith("trip.ljs") for task in tasks.tasks[played:]
     )
@@ -369,6 +377,47 @@ def test_rows_of_a_changed_mission_are_put_aside_and_played_again(
         assert [row for row in now if row.mission == "way"] == [row for row in before if row.mission == "way"]
         assert len({row.mission_sha256 for row in now}) == 2 and not {row.key for row in now} ^ {r.key for r in before}
         assert not {row.mission_sha256 for row in now if row.mission == "trip"} & {row.mission_sha256 for row in old}
+
+
+def test_rows_that_lie_aside_are_never_replaced(place: Path, tasks: AnsweringExecutor) -> None:
+    """The mission changes, changes back, and changes again: the rows of each time are kept."""
+    line = command(place, "--limit", "1", "--parts", "redrawn", "--replay-changed", "--other-code")
+    ended: list[float] = []
+    for change in ("", "# changed\n", "", "# changed\n"):
+        (place / "trip.ljs").write_text(f"{TIERED}{change}")
+        assert run_command(line) == ExitCode.OK
+        (row,) = read_results(place / "out" / "redrawn-tier1")
+        ended.append(row.ended_unix_s + len(ended))
+        marked = msgspec.structs.replace(row, ended_unix_s=ended[-1])
+        (place / "out" / "redrawn-tier1" / "results.parquet").write_bytes(encode_rows([marked]))
+    aside = sorted((place / "out" / "redrawn-tier1").glob("results-trip-*.parquet"))
+    assert sorted(row.ended_unix_s for file in aside for row in read_results(file)) == ended[:3]
+
+
+def test_the_check_counts_the_episodes_of_changed_missions(
+    place: Path, tasks: AnsweringExecutor, capsys: Capture
+) -> None:
+    assert run_command(command(place)) == ExitCode.OK
+    capsys.readouterr()
+    assert run_command(command(place, "--check")) == ExitCode.OK and "\n0 episodes to play" in capsys.readouterr().err
+    (place / "trip.ljs").write_text(f"{TIERED}# changed\n")
+    assert run_command(command(place, "--check")) == ExitCode.OK
+    assert f"\n{len(tasks.tasks)} episodes to play" in capsys.readouterr().err
+
+
+def test_studies_of_two_versions_of_a_mission_give_no_record(
+    place: Path, tasks: AnsweringExecutor, capsys: Capture
+) -> None:
+    assert run_command(command(place, "--parts", "redrawn")) == ExitCode.OK
+    file = place / "out" / "redrawn-tier1" / "results.parquet"
+    rows = read_results(file)
+    assert run_command(command(place)) == ExitCode.OK
+    file.write_bytes(encode_rows([msgspec.structs.replace(row, mission_sha256="0" * 64) for row in rows]))
+    with (
+        reading_studies(read_program(place / "tiny.toml"), place / "out", PluginHost()) as studies,
+        pytest.raises(UsageError, match="the rows are of several versions of the mission `trip`"),
+    ):
+        make_record("tiny", studies)
 
 
 def test_rows_with_kept_traces_are_not_put_aside(place: Path, tasks: AnsweringExecutor, capsys: Capture) -> None:

@@ -106,6 +106,7 @@ def make_record(program: str, studies: Sequence[Study]) -> ValidityRecord:
     """
     for study in studies:
         _check_alike(study)
+    _check_versions(studies)
     check_rows(row for study in studies for row in study.run.results.rows)
     parts = [study for study in studies if isinstance(study, PartStudy)]
     cells = sorted(
@@ -147,9 +148,19 @@ def _check_alike(study: Study) -> None:
         raise UsageError(
             f"the rows in `{folder}` are of several versions of the benchmark, or of several salts", hint=hint
         )
+
+
+def _check_versions(studies: Sequence[Study]) -> None:
+    """Raise `UsageError` if the studies are of several versions of the benchmark or of a mission."""
+    rows = [row for study in studies for row in study.run.results.rows]
+    if len({row.benchmark for row in rows}) > 1:
+        raise UsageError("the studies are of several versions of the benchmark", hint="play them in one folder")
     for mission in sorted({row.mission for row in rows}):
         if len({row.mission_sha256 for row in rows if row.mission == mission}) > 1:
-            raise UsageError(f"the rows in `{folder}` are of several versions of the mission `{mission}`", hint=hint)
+            raise UsageError(
+                f"the rows are of several versions of the mission `{mission}`",
+                hint="continue all studies with `lingjing bench validity --replay-changed --other-code`",
+            )
 
 
 def _recorded(study: Study) -> RecordedStudy:

@@ -21,6 +21,7 @@ from lingjing.mission.kinds import (
     is_described,
     missing_path,
     missing_paths,
+    scene_kind,
 )
 from lingjing.mission.model import Mission
 from lingjing.suggest import did_you_mean
@@ -51,6 +52,16 @@ def missing_files(mission: Mission) -> Iterator[SceneFault]:
     yield from _missing_maps(mission)
     for _, fault in _missing_looks(mission):
         yield fault
+
+
+def named_files(mission: Mission) -> Iterator[str]:
+    """Yield the paths that the scene and the looks of a mission name, sorted within each."""
+    known = scene_kind(mission.scene.kind)
+    paths = {name for name, option in known.options.items() if option.type == "path"} if known else set()
+    texts = (option.value.value for option in mission.scene.options
+             if option.name in paths and isinstance(option.value, ex.Text))  # fmt: skip
+    yield from sorted(texts)
+    yield from sorted({file for _, file in look_files(mission)})
 
 
 def _missing_maps(mission: Mission) -> Iterator[SceneFault]:

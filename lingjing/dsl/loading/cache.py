@@ -39,8 +39,11 @@ MOST_BYTES = 1 << 28
 LARGEST_ENTRY = 16 * 1024 * 1024
 """Most bytes of one entry (chosen). A larger mission is compiled each time."""
 
-_USE = pattern(r"\buse\b[ \t]*(?P<dot>\.?)[ \t]*(?P<path>[^\W\d]\w*(?:[ \t]*\.[ \t]*[^\W\d]\w*)*)")
+_GAP = r"(?:[ \t]|\r?\n|#[^\n]*)*"
+"""The blanks, line ends and comments that a path may have after a dot."""
+_USE = pattern(rf"\buse\b[ \t]*(?P<dot>\.?)(?P<path>{_GAP}[^\W\d]\w*(?:[ \t]*\.{_GAP}[^\W\d]\w*)*)")
 """A `use` in a text. It also matches in comments, which only adds a dependency."""
+_COMMENT = pattern(r"#[^\n]*")
 
 
 class CacheEntry(msgspec.Struct, frozen=True, array_like=True):
@@ -108,7 +111,7 @@ def libraries_of(source: SourceText) -> Iterator[tuple[str, str]]:
     while waiting:
         text, path = waiting.pop()
         for match in _USE.finditer(text):
-            words = tuple(word.strip() for word in match["path"].split("."))
+            words = tuple(word.strip() for word in _COMMENT.sub("", match["path"]).split("."))
             file = library.find_file(words, library.folder_of(path)) if match["dot"] else library.find_file(words)
             if file is None or file in seen:
                 continue
@@ -122,14 +125,9 @@ def libraries_of(source: SourceText) -> Iterator[tuple[str, str]]:
 
 
 def _needs_others(mission: Mission) -> bool:
-    from lingjing.dsl.feasibility.providers import look_files, unknown_entities
-    from lingjing.mission.kinds import scene_kind
+    from lingjing.dsl.feasibility.providers import named_files, unknown_entities
 
-    if any(True for _ in unknown_entities(mission)) or any(True for _ in look_files(mission)):
-        return True
-    kind = scene_kind(mission.scene.kind)
-    paths = {name for name, option in kind.options.items() if option.type == "path"} if kind else set()
-    return any(option.name in paths for option in mission.scene.options)
+    return any(True for _ in unknown_entities(mission)) or any(True for _ in named_files(mission))
 
 
 def _entry(source: SourceText) -> CacheEntry | None:

@@ -30,7 +30,7 @@ from lingjing.plugins.policy import (
     Resource,
     Vector,
 )
-from lingjing_agents.capability import centimetres, photo, sends, sighting
+from lingjing_agents.capability import centimetres, claims_limit, photo, sends, sighting
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside, position_in
 from lingjing_agents.heuristic.dogs.movement import EYE_M, DogMovement
 from lingjing_agents.heuristic.dogs.seen_ground import SeenGround
@@ -99,6 +99,11 @@ ended. Chosen.
 MOST_REPORTS = 3
 """Reports of an episode, at most. Chosen: claims are limited from tier 1 on, and each report costs one."""
 
+SURE_M = 60.0
+"""Distance in metres of a detected building that is reported, at most. Chosen: the foot of a farther one is less than
+five pixels below the horizon, so that its place is uncertain by more than a building's width.
+"""
+
 LARGE, WALL_CONFIDENCE, SAID_M, BUILDING = 0.18, 0.6, 15.0, "building"
 """Share of the picture from which on a wall of the reference's colour is reported, confidence of the report, and metres
 between two reports. Measured on 280 pictures of two episodes: of 17 boxes that large, 13 were matched. Only a class
@@ -133,6 +138,7 @@ class BuildingFinder:
         self._class = building_class(brief) or ""
         self._detector = detectors.get(self._class)
         self._report, self._reports = sends(brief, "report"), 0
+        self._most_reports = min(MOST_REPORTS, claims_limit(brief) or MOST_REPORTS)
         self._said_at: GroundPoint | None = None
         self._ordered: GroundPoint | None = None
         self._led: tuple[tuple[str, GroundPoint], ...] = ()
@@ -219,7 +225,7 @@ class BuildingFinder:
     def _say(self, picture: Picture, wanted: WallColour) -> tuple[Outgoing, ...]:
         """Return the report of a large wall that resembles the reference, far enough from the last report."""
         pose, here = picture.pose, picture.pose.position[:2]
-        if self._report is None or self._reports >= MOST_REPORTS or BUILDING not in self._class:
+        if self._report is None or self._reports >= self._most_reports or BUILDING not in self._class:
             return ()
         if self._said_at is not None and math.dist(self._said_at, here) < SAID_M:
             return ()
@@ -240,7 +246,8 @@ class BuildingFinder:
             away = math.dist(here, place[:2]) + INSIDE_M if is_standing else math.inf
             likeness = box.confidence * max(SLIVER, min(1.0, (box.box[2] - box.box[0]) / WHOLE))
             facades += [FacadeColumn(bearing, away, likeness) for bearing in _bearings(pose, box)]
-            if self._report is not None and self._reports < MOST_REPORTS:
+            is_sure = is_standing and math.dist(here, place[:2]) <= SURE_M
+            if self._report is not None and is_sure and self._reports < self._most_reports:
                 self._reports += 1
                 where = centimetres(place)
                 reports.append(sighting(self._report, picture.frame, self._class, box.box, where, box.confidence))
