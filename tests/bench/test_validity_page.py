@@ -34,6 +34,15 @@ def test_the_stored_rows_give_the_stored_record(tmp_path: Path) -> None:
     assert validity.record_and_rows(rows)[0] == validity.stored_record()
 
 
+def test_the_page_on_adversaries_shows_the_table_of_the_stored_controls(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = ROOT / "benchmarks" / "controls-rows.parquet"
+    assert run_command(["bench", "table", str(rows), "--kind", "controls", "--other-code"]) == ExitCode.OK
+    table = [line for line in capsys.readouterr().out.splitlines() if line.startswith("| ")]
+    shown = (ROOT / "docs" / "adversaries.md").read_text(encoding="utf-8").splitlines()
+    at = shown.index(table[0])
+    assert len(table) == 2 + 12 and shown[at : at + len(table)] == table
+
+
 def test_each_class_of_flaws_has_its_tests() -> None:
     listed = re.findall(r"^\| (\d) \| .* \| `(test_\d_)` \|$", PAGE, flags=re.MULTILINE)
     assert [int(number) for number, _ in listed] == [1, 2, 3, 4, 5, 6, 7, 8]
