@@ -1,4 +1,4 @@
-"""Names of files and folders that are not UTF-8.
+"""Names of files and folders: those that are not UTF-8 are rejected, and texts become parts of names.
 
 Linux allows any bytes in a name, and Python represents bytes that are not UTF-8 as lone surrogates (PEP 383). Traces,
 reports and messages between processes are UTF-8 and cannot hold them. The command line and the reader of missions
@@ -8,6 +8,7 @@ therefore reject such names at once.
 from __future__ import annotations
 
 import os
+import re
 
 from lingjing.errors import UsageError
 
@@ -22,4 +23,9 @@ def check_name(name: str, role: str) -> None:
         )
 
 
-__all__ = ["check_name"]
+def plain_name(text: str, longest: int) -> str:
+    """Return a text as a part of a file's name, at most `longest` characters: other characters become `_`."""
+    return re.sub(r"[^\w.=-]+", "_", text)[:longest]
+
+
+__all__ = ["check_name", "plain_name"]

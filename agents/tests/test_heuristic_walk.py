@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from lingjing_agents.capability import photo, team
 from lingjing_agents.ground_plane import GroundRectangle, inside
-from lingjing_agents.heuristic.dogs.building_finder import Belief, where_to_look
+from lingjing_agents.heuristic.dogs.building_finder import Belief, BuildingFinder, where_to_look
 from lingjing_agents.heuristic.dogs.dog_rules import DogRules
 from lingjing_agents.heuristic.dogs.fire_searcher import FireSearcher
 from lingjing_agents.heuristic.dogs.known_fires import KnownFires
@@ -177,6 +177,30 @@ def test_the_last_claim_is_kept_for_a_fire_that_has_none():
 
     assert [reports(tick, 50.0, away) for tick, away in enumerate((12.0, 6.0, 3.0), 1)] == [1, 0, 0]
     assert reports(9, 10.0, 12.0) == 1
+
+
+def test_a_detected_building_is_reported_nearby_and_as_often_as_claims_allow():
+    (declared,) = instantiate(lingjing.compile(mission_file("vdn")), seed=1, mode="single", tier=1).limits
+    shared = brief(
+        "scout[1]", resources=(dog(),), cells=(), messages=(REPORT,), classes=("reference_building",),
+        regions=(Region(name="yard", polygon=YARD),), limits=(msgspec.structs.replace(declared, most=1),),
+    )  # fmt: skip
+    seen: list[FoundBox] = []
+    rules = BuildingFinder(
+        shared, dog(), EYE, None, (50.0, 0.0), {"reference_building": lambda picture, level_m: tuple(seen)}
+    )
+
+    def reports(tick: int, away_m: float) -> int:
+        """Take a picture from y = 0 of a building with its foot so far ahead, and count the reports of it."""
+        pose = CameraPose(position=(50.0, 0.0, EYE_M), heading_deg=0.0, tilt_deg=0.0, hfov_deg=90.0, width=720,
+                          height=720)  # fmt: skip
+        seen[:] = [FoundBox((0.4, 0.3, 0.6, 0.5 + 0.5 * EYE_M / away_m), 1.0)]
+        picture = Picture(frame=f"f{tick}", entity="dog", camera="front", tick=tick, time_s=0.0, pose=pose,
+                          rgb=np.zeros((720, 720, 3), np.uint8))  # fmt: skip
+        state = observe("scout[1]", tick, view("dog", (50.0, 0.0, 0.0)), pictures=(picture,))
+        return sum(message.kind == REPORT.kind for message in rules.act(state, Inbox()).messages)
+
+    assert [reports(tick, away_m) for tick, away_m in enumerate((80.0, 40.0, 30.0), 1)] == [0, 1, 0]
 
 
 def test_a_false_fire_that_is_seen_again_is_reopened_with_half_its_tries():

@@ -9,7 +9,6 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
-import re
 import secrets
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -22,6 +21,7 @@ import msgspec
 from lingjing.bench.parquet import encode_rows, read_rows
 from lingjing.bench.rows import SuiteRow
 from lingjing.errors import UsageError
+from lingjing.file_names import plain_name
 from lingjing.mission.seeding import integer
 from lingjing.whole_files import PARTIAL, written_whole
 
@@ -141,7 +141,7 @@ class ResultsFolder:
         the same episodes get another file.
         """
         own = [row for row in self.rows if row.mission == mission]
-        stem = f"results-{_plain(mission)}-{own[0].mission_sha256[:12] or 'old'}"
+        stem = f"results-{plain_name(mission, 60)}-{own[0].mission_sha256[:12] or 'old'}"
         for name in (f"{stem}{'' if number == 1 else f'-{number}'}{_SUFFIX}" for number in count(1)):
             aside = self.folder / name
             there = {row.key: row for row in read_rows(aside)} if aside.is_file() else {}
@@ -241,10 +241,6 @@ def _with_iou(row: SuiteRow, trace: Path) -> SuiteRow:
 
     iou = attention_beside(trace)
     return row if iou is None else msgspec.structs.replace(row, attention_iou=iou)
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[^\w.=-]+", "_", name)[:60]
 
 
 def _files(folder: Path) -> list[Path]:

@@ -10,7 +10,6 @@ prevents an episode from starting, that is a failure (`POLICY_FAILED`). An entra
 from __future__ import annotations
 
 import hashlib
-import re
 import shutil
 import time
 from collections import Counter
@@ -37,6 +36,7 @@ from lingjing.bench.rows import (
 from lingjing.bench.services import EntrantServices, probe_entrant
 from lingjing.bench.version import benchmark_version, mission_version
 from lingjing.errors import UsageError
+from lingjing.file_names import plain_name
 from lingjing.mission.salts import read_salt
 from lingjing.play.options import PlayOptions, without_folder, without_places
 from lingjing.play.parallel import EpisodeTask
@@ -362,7 +362,7 @@ class SuiteRun:
         """Return the name of the run's folder, which is the same in the folder of any suite."""
         cell = episode.cell
         whole = "-".join((*filter(None, cell.key), str(episode.seed)))
-        plain = re.sub(r"[^\w.=-]+", "_", whole)[:100]
+        plain = plain_name(whole, 100)
         unique = "" if plain == whole else f"-{hashlib.sha256(whole.encode()).hexdigest()[:8]}"
         return f"{plain}{unique}"
 

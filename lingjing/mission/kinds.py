@@ -135,11 +135,16 @@ def scene_faults(spec: SceneSpec) -> Iterator[SceneFault]:
 def missing_paths(kind: str, texts: Mapping[str, str]) -> Iterator[SceneFault]:
     """Files and folders named by text options of a scene that do not exist. They may exist on another machine or in
     another working folder."""
+    for name, path in named_paths(kind, texts):
+        yield from missing_path(name, path, f"scene `{kind}`")
+
+
+def named_paths(kind: str, texts: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Yield the options of a scene that are paths, each with its text, in the order of the kind."""
     known = scene_kind(kind)
     for name, option in known.options.items() if known else ():
-        path = texts.get(name, "") if option.type == "path" else ""
-        if path:
-            yield from missing_path(name, path, f"scene `{kind}`")
+        if option.type == "path" and (path := texts.get(name, "")):
+            yield name, path
 
 
 def missing_path(name: str, path: str, what: str) -> Iterator[SceneFault]:

@@ -21,7 +21,7 @@ from lingjing.mission.kinds import (
     is_described,
     missing_path,
     missing_paths,
-    scene_kind,
+    named_paths,
 )
 from lingjing.mission.model import Mission
 from lingjing.suggest import did_you_mean
@@ -55,20 +55,18 @@ def missing_files(mission: Mission) -> Iterator[SceneFault]:
 
 
 def named_files(mission: Mission) -> Iterator[str]:
-    """Yield the paths that the scene and the looks of a mission name, sorted within each."""
-    known = scene_kind(mission.scene.kind)
-    paths = {name for name, option in known.options.items() if option.type == "path"} if known else set()
-    texts = (option.value.value for option in mission.scene.options
-             if option.name in paths and isinstance(option.value, ex.Text))  # fmt: skip
-    yield from sorted(texts)
+    """Yield the paths that the scene of a mission names, and those of its looks."""
+    yield from (path for _, path in named_paths(mission.scene.kind, _scene_texts(mission)))
     yield from sorted({file for _, file in look_files(mission)})
 
 
 def _missing_maps(mission: Mission) -> Iterator[SceneFault]:
+    return missing_paths(mission.scene.kind, _scene_texts(mission))
+
+
+def _scene_texts(mission: Mission) -> dict[str, str]:
     options = mission.scene.options
-    return missing_paths(
-        mission.scene.kind, {option.name: option.value.value for option in options if isinstance(option.value, ex.Text)}
-    )
+    return {option.name: option.value.value for option in options if isinstance(option.value, ex.Text)}
 
 
 def look_files(mission: Mission) -> Iterator[tuple[str, str]]:
