@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-API_VERSION = "1.30"
+API_VERSION = "1.31"
 """MAJOR.MINOR. A new major version may remove or change a name; a new minor version adds names alone."""
 
 CONTRACT_MODULES = (
