@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lingjing.bench.columns import shipped
-from lingjing.cli.missionpage import write_page
+from lingjing.cli.missionpage import rows_of, write_page
 from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import LingjingError
 from lingjing.mission.model import Mission
@@ -41,14 +41,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--again", action="store_true", help="play again what has been played")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "missions")
     args = parser.parse_args(argv)
-    missions = [load_mission(path) for path in shipped()]
-    for mission in missions:
+    files = {path: load_mission(path) for path in shipped()}
+    for path, mission in files.items():
         if not args.missions or mission.name in args.missions:
             traces = played(mission, args.seed, args.traces, again=args.again)
             for old in args.output.glob(f"{mission.name}-*.*"):  # frames of other episodes may have other names
                 old.unlink()
-            print(write_page(mission, traces, args.results, args.output), flush=True)
-    (args.output / "README.md").write_text(index(missions, args.output), encoding="utf-8")
+            rows = rows_of(mission, path, args.results) if args.results else []
+            print(write_page(mission, traces, rows, args.output), flush=True)
+    (args.output / "README.md").write_text(index([*files.values()], args.output), encoding="utf-8")
     size = sum(path.stat().st_size for path in args.output.rglob("*") if path.is_file())
     print(f"{size / 1e6:.2f} MB in {args.output}")
     return int(size > LIMIT_BYTES)

@@ -29,6 +29,7 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
+from lingjing.bench.durations import SECONDS_AN_HOUR, USUAL_S, Durations
 from lingjing.bench.planning import Isolation, SuiteCell, SuitePlan, plan_document
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.running import SuiteEpisode, SuiteRun
@@ -45,8 +46,6 @@ SELECTION = range(3)
 """Seeds of the sealed split on which the worst adversary is chosen."""
 FIRST_FRESH = 1000
 """The first fresh seed."""
-USUAL_S = 60.0
-"""Seconds of an episode in a column without a measurement (chosen)."""
 SALT = "split.salt"
 """The file of the sealed split in the results folder."""
 
@@ -169,13 +168,8 @@ def plan_of(matrix: AdversaryMatrix, host: PluginHost, isolate: Isolation, tier:
     }
     plan = plan_document(document, find_suite(SUITE), host, isolate=isolate)
     pairs = {(each.name, column) for each in matrix.adversaries for column in each.columns}
-    cells = tuple(cell for cell in plan.cells if (cell.player.name, column_of(cell)) in pairs)
+    cells = tuple(cell for cell in plan.cells if (cell.player.name, cell.column_name) in pairs)
     return SuitePlan(plan.suite, plan.path, cells, plan.missions, plan.files)
-
-
-def column_of(cell: SuiteCell) -> str:
-    """Return mission and mode of a cell, as the matrix names them."""
-    return f"{cell.column.mission}-{cell.column.mode}"
 
 
 def make_salt(folder: Path, rows: Iterable[SuiteRow] = ()) -> Path:
@@ -211,8 +205,8 @@ class AdversaryRun:
     plan: Sequence[Look] = PLAN
     tell: Callable[[str], None] = field(default=lambda line: None)
     """Receives a line for each chosen adversary and each verdict."""
-    at_a_time: int = 1
-    """Fresh episodes that are begun before the next look at their wins."""
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    """Declared seconds of an episode by column, for columns without rows."""
 
     def select(self) -> None:
         """Play the pairs on the seeds of the selection."""
@@ -236,7 +230,7 @@ class AdversaryRun:
     @property
     def columns(self) -> tuple[str, ...]:
         """The columns, in the order of the matrix."""
-        return tuple(dict.fromkeys(map(column_of, self.cells)))
+        return tuple(dict.fromkeys(cell.column_name for cell in self.cells))
 
     def results(self) -> tuple[ColumnResult, ...]:
         """Return the state of every column."""
@@ -264,11 +258,34 @@ class AdversaryRun:
         return max(scored, key=lambda pair: (sum(map(_won, pair[1])), fmean(row.report.scr for row in pair[1])))[0]
 
     def _of(self, column: str) -> list[SuiteCell]:
-        return [cell for cell in self.cells if column_of(cell) == column]
+        return [cell for cell in self.cells if cell.column_name == column]
+
+    def left(self) -> list[SuiteCell]:
+        """Return the cell of each episode that is left to the next look of every column. The first adversary of a
+        column stands for the worst one before the choice.
+        """
+        cells = [episode.cell for episode in self.run.due(self.selection, self.cells)]
+        for column in self.columns:
+            result = self.result(column)
+            if result.verdict is Verdict.OPEN:
+                cells += [self.worst(column) or self._of(column)[0]] * self._to_look(result)
+        return cells
+
+    def left_s(self) -> float:
+        """Return the estimated seconds of these episodes."""
+        known = Durations(self.seconds, self.run.results.rows)
+        return known.hours(self.left(), self.run.executor.jobs) * SECONDS_AN_HOUR
 
     def _next(self, cell: SuiteCell) -> list[SuiteEpisode]:
-        """Return the next fresh episodes of a cell, none beyond the last look."""
-        return self.run.due(self._fresh, [cell])[: self.at_a_time]
+        """Return the next fresh episodes of a cell: as many as every path to a verdict has, so none is in vain."""
+        result = self.result(cell.column_name)
+        to_failure = self.plan[-1].wins + 1 - result.won
+        count = max(self.run.executor.jobs, min(self._to_look(result), to_failure))
+        return self.run.due(self._fresh, [cell])[:count]
+
+    def _to_look(self, result: ColumnResult) -> int:
+        """Return the number of episodes to the next look; 0 after the last."""
+        return next((look.played - result.played for look in self.plan if look.played > result.played), 0)
 
     @property
     def _fresh(self) -> range:
@@ -337,6 +354,6 @@ def result_lines(results: Sequence[ColumnResult]) -> list[str]:
 
 
 __all__ = [
-    "PLAN", "AdversaryMatrix", "AdversaryRun", "ColumnResult", "Look", "Verdict", "chosen", "column_of", "hours",
+    "PLAN", "AdversaryMatrix", "AdversaryRun", "ColumnResult", "Look", "Verdict", "chosen", "hours",
     "make_salt", "pass_probability", "plan_of", "read_matrix", "result_lines", "verdict_of",
 ]  # fmt: skip

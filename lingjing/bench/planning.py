@@ -102,6 +102,11 @@ class SuiteCell:
         """Entrant, mission, mode and condition, which identify the cell in its suite."""
         return self.player.name, self.column.mission, self.column.mode, self.condition
 
+    @property
+    def column_name(self) -> str:
+        """Mission and mode, such as `ssr-star`; the tier is not in it."""
+        return f"{self.column.mission}-{self.column.mode}"
+
 
 @dataclass(frozen=True, slots=True)
 class SuitePlan:

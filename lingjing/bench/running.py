@@ -35,7 +35,7 @@ from lingjing.bench.rows import (
 )
 from lingjing.bench.services import EntrantServices, probe_entrant
 from lingjing.bench.version import benchmark_version, mission_version
-from lingjing.errors import UsageError
+from lingjing.errors import LingjingError, UsageError
 from lingjing.file_names import plain_name
 from lingjing.mission.salts import read_salt
 from lingjing.play.options import PlayOptions, without_folder, without_places
@@ -284,6 +284,7 @@ class SuiteRun:
                 continue
             if self.calls != "replay":
                 self.services.note(episode.cell, report)
+            self._check_unchanged(episode.cell)
             row = self._row(episode, task.options, report, wall_s)
             check_rows([row])
             if not self._keeps(episode.cell):  # before the row is stored: a kill in between would leave the run forever
@@ -297,6 +298,22 @@ class SuiteRun:
                 countdown.done(row.cell, row.wall_s, cost_of(row))
             self.tell(row, countdown)
         return again
+
+    def _check_unchanged(self, cell: SuiteCell) -> None:
+        """Raise `UsageError` if the mission is no longer the one that the run began with: nothing says which of the two
+        was played.
+        """
+        path, name = cell.column.path, cell.column.mission
+        try:
+            version = mission_version(path)
+        except LingjingError:
+            version = ""
+        if version != self.missions[name]:
+            raise UsageError(
+                f"`{path}`, its libraries, maps or looks changed while the suite was played; episodes that ended "
+                "afterwards are not stored",
+                hint="continue with --replay-changed --other-code, or restore the mission",
+            )
 
     def _tell_change(self, row: SuiteRow) -> None:
         """Tell that a service names another model than before for the same entrant."""

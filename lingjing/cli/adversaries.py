@@ -14,7 +14,6 @@ from lingjing.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from lingjing.bench.adversaries import AdversaryMatrix, AdversaryRun
-    from lingjing.bench.countdown import Countdown
     from lingjing.bench.planning import Isolation
     from lingjing.bench.rows import SuiteRow
 
@@ -76,9 +75,9 @@ def play_adversaries(args: argparse.Namespace) -> int:
             run.check_split(plan.cells)
             tell_aside(run.check_resumable(other_code=args.other_code, replay_changed=args.replay_changed))
             run.services.tell = say
-            run.tell = _tell
             results.write("suite.toml", path.read_text(encoding="utf-8"))
-            whole = AdversaryRun(run, plan.cells, selection, tell=say, at_a_time=args.jobs)
+            whole = AdversaryRun(run, plan.cells, selection, tell=say, seconds=matrix.seconds)
+            run.tell = lambda row, countdown: _tell(row, countdown.left_s if args.quick else whole.left_s())
             with ending_at_second_interrupt():
                 return _play(whole, quick=args.quick)
 
@@ -86,10 +85,12 @@ def play_adversaries(args: argparse.Namespace) -> int:
 def _play(whole: AdversaryRun, *, quick: bool) -> int:
     """Play, print the table, store it beside the rows, and return the exit code."""
     from lingjing.bench.adversaries import Verdict, result_lines
+    from lingjing.cli.bench import duration
 
     results = whole.run.results
     played = sum(row.standing != "aborted" for row in results.rows)
-    say(f"{played} episodes done, results in {results.folder}")
+    left = "" if quick else f", {duration(whole.left_s())} to the next look of every column"
+    say(f"{played} episodes done{left}; results in {results.folder}")
     try:
         whole.select()
         if not quick:
@@ -122,11 +123,12 @@ def _say_size(args: argparse.Namespace, matrix: AdversaryMatrix, selection: int)
         say(f"then {PLAN[0].played} to {PLAN[-1].played} fresh seeds a column: {least:.0f} to {most:.0f} h")
 
 
-def _tell(row: SuiteRow, countdown: Countdown) -> None:
+def _tell(row: SuiteRow, left_s: float) -> None:
+    """Print a row, with the time to the next look of every column."""
     from lingjing.cli.bench import duration
 
     report = row.report
     say(
-        f"{duration(countdown.left_s)} left: {row.entrant}, {row.column}, seed {row.seed}: "
+        f"{duration(left_s)} left: {row.entrant}, {row.column}, seed {row.seed}: "
         f"{'WON' if report.success else report.reason}, SCR {report.scr:.2f}, {row.wall_s:.0f} s"
     )

@@ -34,6 +34,8 @@ def handler(args: argparse.Namespace) -> int:
     if text is not None:
         write_output(text, args.output, [])
         return ExitCode.OK
+    if args.results and args.file == "-":
+        raise UsageError("the version of a mission from standard input is not known", hint="name its file")
     mission = read_mission(args.file)
     if args.trace or args.results:
         _illustrated(args, mission)
@@ -78,9 +80,10 @@ def _illustrated(args: argparse.Namespace, mission: Mission) -> None:
     from lingjing.numerics import pin
 
     pin()  # pictures of unused cameras are rendered here
-    from lingjing.cli.missionpage import write_page
+    from lingjing.cli.missionpage import rows_of, write_page
+    from lingjing.dsl.loading.shipped import find_mission
 
     if args.output in (None, "-"):
         raise UsageError("a page with pictures needs a folder", hint="name one: -o DIR")
-    results = Path(args.results) if args.results else None
-    print(write_page(mission, [Path(trace) for trace in args.trace], results, Path(args.output)))
+    rows = rows_of(mission, find_mission(args.file), Path(args.results)) if args.results else []
+    print(write_page(mission, [Path(trace) for trace in args.trace], rows, Path(args.output)))

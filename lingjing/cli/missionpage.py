@@ -20,18 +20,17 @@ ENDINGS = {"success": "won", "failure": "lost", "budget": "out of time", "late":
 """Words of the page for the reasons of outcomes."""
 
 
-def write_page(mission: Mission, traces: Sequence[Path], results: Path | None, folder: Path) -> Path:
+def write_page(mission: Mission, traces: Sequence[Path], rows: Sequence[SuiteRow], folder: Path) -> Path:
     """Write `<mission>.md` with its pictures beside it into `folder`, which is created if needed.
 
     The map shows the first trace. The frames are the best of all traces; frames of unused cameras are rendered from
-    the states of the first trace. Raises `UsageError` for a trace of another mission, a file without results, or a
-    folder that cannot be written.
+    the states of the first trace. `rows` are the mission's results (`rows_of`). Raises `UsageError` for a trace of
+    another mission, or a folder that cannot be written.
     """
     from lingjing.dsl.pages.judging import HEADS, judging
     from lingjing.dsl.pages.page import page, table
 
     played = [_trace(path, mission) for path in traces]
-    rows = [] if results is None else _rows(results, mission)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lead = [
@@ -49,6 +48,26 @@ def write_page(mission: Mission, traces: Sequence[Path], results: Path | None, f
     return target
 
 
+def rows_of(mission: Mission, file: Path, results: Path) -> list[SuiteRow]:
+    """Return the rows of the mission in `file`. Raises `UsageError` for a place without results, and for rows of
+    another version of the mission or of the benchmark: the page describes the present one.
+    """
+    from lingjing.bench.folder import read_results
+    from lingjing.bench.version import benchmark_version, mission_version
+
+    rows = [row for row in read_results(results) if row.mission == mission.name]
+    versions = benchmark_version(), mission_version(file)
+    others = [row for row in rows if (row.benchmark, row.mission_sha256) != versions]
+    if others:
+        changed = "mission" if others[0].benchmark == versions[0] else "benchmark"
+        raise UsageError(
+            f"{len(others)} of the {len(rows)} rows of `{mission.name}` in `{results}` are of another version of the "
+            f"{changed}, and the page would describe the present one",
+            hint="play the suite again, or name results of the present version",
+        )
+    return rows
+
+
 # -- private
 
 
@@ -62,12 +81,6 @@ def _trace(path: Path, mission: Mission) -> Trace:
             f"{path} is of the mission `{played}`, not of `{mission.name}`", hint="name traces of this mission"
         )
     return trace
-
-
-def _rows(path: Path, mission: Mission) -> list[SuiteRow]:
-    from lingjing.bench.folder import read_results
-
-    return [row for row in read_results(path) if row.mission == mission.name]
 
 
 def _episode(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:

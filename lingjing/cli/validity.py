@@ -122,8 +122,8 @@ def _say_size(
     file: ProgramFile, planned: Sequence[Planned], chosen: Sequence[str], folder: Path, args: argparse.Namespace
 ) -> None:
     """Print the size and the hours of each study. Nothing is written: rows are read from the folder if it exists."""
+    from lingjing.bench.durations import Durations
     from lingjing.bench.folder import read_results
-    from lingjing.bench.validity.rounds import Durations
     from lingjing.bench.validity.studies import planned_cells
     from lingjing.bench.version import mission_version
 
@@ -176,8 +176,9 @@ def _key(plan: Planned, cell: SuiteCell, seed: int) -> tuple[object, ...]:
 def _open_and_play(
     file: ProgramFile, planned: Sequence[Planned], names: Sequence[str], folder: Path, args: argparse.Namespace
 ) -> int:
+    from lingjing.bench.durations import Durations
     from lingjing.bench.executors import LocalExecutor
-    from lingjing.bench.validity.rounds import Durations, Rounds
+    from lingjing.bench.validity.rounds import Rounds
     from lingjing.bench.validity.studies import open_studies
 
     executor = LocalExecutor(args.jobs)

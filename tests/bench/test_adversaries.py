@@ -17,7 +17,6 @@ from lingjing.bench.adversaries import (
     Look,
     Verdict,
     chosen,
-    column_of,
     hours,
     make_salt,
     pass_probability,
@@ -96,7 +95,7 @@ def plan() -> SuitePlan:
 def test_the_matrix_covers_every_column_and_its_classes_exist(plan: SuitePlan) -> None:
     matrix = read_matrix()
     assert len(matrix.adversaries) == 12
-    pairs = {(cell.player.name, column_of(cell)) for cell in plan.cells}
+    pairs = {(cell.player.name, cell.column_name) for cell in plan.cells}
     assert pairs == {(each.name, column) for each in matrix.adversaries for column in each.columns}
     missions = [compiled(path) for path in shipped_missions() if path.stem != "queue"]
     known = {f"{mission.name}-{mode}" for mission in missions for mode in mission.modes.allowed}
@@ -123,7 +122,7 @@ RunOf = Callable[..., AdversaryRun]
 @pytest.fixture
 def run_of(plan: SuitePlan, tmp_path: Path) -> Iterator[RunOf]:
     """Makes a run of two adversaries in one column; `wins` decides an episode by adversary and public seed."""
-    part = [cell for cell in plan.cells if column_of(cell) == "upr-star"]
+    part = [cell for cell in plan.cells if cell.column_name == "upr-star"]
     cells = [cell for cell in part if cell.player.name in ("blind", "flooder")]
     with open_results(tmp_path / "out") as results:
 
@@ -177,6 +176,25 @@ def test_a_run_stops_when_the_column_has_failed_and_continues_after_an_interrupt
         "nothing is played twice, and nothing after the fourth win"
     )
     assert (again.results()[0].won, again.results()[0].verdict) == (2, Verdict.FAILED)
+
+
+def test_the_estimate_counts_the_choice_and_the_way_to_the_next_look(run_of: RunOf) -> None:
+    run = run_of(lambda name, seed: False)
+    assert len(run.left()) == 4 + SMALL_PLAN[0].played
+    assert run.left_s() == 7 * 60.0, "the usual seconds of a column without rows"
+    run.select()
+    assert len(run.left()) == 3
+    run.test()
+    assert (run.left(), run.left_s()) == ([], 0.0)
+
+
+def test_after_a_win_the_way_leads_to_the_last_look(run_of: RunOf) -> None:
+    run = run_of(lambda name, seed: seed == FIRST_FRESH)
+    run.select()
+    run.run.play(run.run.due([FIRST_FRESH], [run.worst("upr-star") or run.cells[0]]))
+    assert len(run.left()) == 2, "the first look is at three episodes"
+    run.run.play(run.run.due(range(FIRST_FRESH, FIRST_FRESH + 3), [run.worst("upr-star") or run.cells[0]]))
+    assert len(run.left()) == 5, "the last one is at eight"
 
 
 def test_a_lost_episode_counts_as_a_win_of_the_adversary(run_of: RunOf) -> None:

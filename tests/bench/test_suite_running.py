@@ -29,6 +29,7 @@ from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import PluginHost, run_command
 from tests.bench.suite_kit import (
     SMALL,
+    TRIP,
     AnsweringExecutor,
     EpisodeTask,
     SuiteRow,
@@ -272,6 +273,26 @@ def test_a_removed_results_folder_is_reported_and_not_created_again(plan: SuiteP
     with pytest.raises(UsageError, match="was removed or replaced while its suite was played"):
         play(plan, tmp_path / "a", AnsweringExecutor(answer))
     assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("text", [f"{TRIP}# changed\n", "mission {", None])
+def test_an_episode_is_not_stored_if_its_mission_changed_meanwhile(text: str | None, tmp_path: Path) -> None:
+    mission, suite = tmp_path / "trip.ljs", tmp_path / "own.toml"
+    mission.write_text(TRIP)
+    suite.write_text(SMALL.replace('["bi", "cd"]', '["trip.ljs"]'))
+
+    def answer(task: EpisodeTask) -> EpisodeReport:
+        if task.options.seed == 1:
+            mission.unlink() if text is None else mission.write_text(text)
+        return answered(task)
+
+    with pytest.raises(UsageError, match="changed while the suite was played"):
+        play(read_plan(suite, PluginHost()), tmp_path / "a", AnsweringExecutor(answer))
+    mission.write_text(TRIP)
+    assert {row.seed for row in read_results(tmp_path / "a")} == {0}
+    again = AnsweringExecutor()
+    play(read_plan(suite, PluginHost()), tmp_path / "a", again)
+    assert {task.options.seed for task in again.tasks} == {1}, "the restored mission goes on"
 
 
 FULL = """

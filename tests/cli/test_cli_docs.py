@@ -7,9 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.bench.parquet import encode_rows
+import lingjing
+from lingjing.bench.version import benchmark_version, mission_version
 from lingjing.testing import run_command, sea_rescue
-from tests.bench.suite_kit import made_row
+from tests.bench.suite_kit import encode_rows, made_row
+
+SCENARIOS = Path(lingjing.__file__).parents[1] / "scenarios"
 
 
 @pytest.fixture(scope="module")
@@ -20,8 +23,18 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
-def results(path: Path) -> Path:
-    path.write_bytes(encode_rows([made_row(entrant="oracle", mission=name) for name in ("ssr", "cd")]))
+def results(path: Path, *, benchmark: str = "") -> Path:
+    """Rows of the present missions, and of this version of the benchmark (default: the present one)."""
+    rows = [
+        made_row(
+            entrant="oracle",
+            mission=name,
+            benchmark=benchmark or benchmark_version(),
+            mission_sha256=mission_version(SCENARIOS / f"{name}.ljs"),
+        )
+        for name in ("ssr", "cd")
+    ]
+    path.write_bytes(encode_rows(rows))
     return path
 
 
@@ -42,6 +55,19 @@ def test_a_page_has_the_pictures_of_a_trace_and_the_results_of_a_suite(
     assert "| rescue (victim) | the `vessel` engine | ≤ 50 m |" in text
     assert "| oracle | 100 \\[21, 100\\] (1/1) | 100 |" in text and "| SSR |" in text and "CD" not in text
     assert "seed 7, broadcast, played by `heuristic`" in text
+
+
+def test_a_page_refuses_results_of_another_version(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table, pages, mission = tmp_path / "results.parquet", tmp_path / "pages", tmp_path / "mine.ljs"
+    mission.write_text(f"{(SCENARIOS / 'ssr.ljs').read_text()}# changed\n")
+    line = ["--results", str(results(table)), "-o", str(pages)]
+    assert run_command(["docs", str(mission), *line]) == 2
+    assert "1 of the 1 rows of `ssr`" in (text := capsys.readouterr().err) and "another version of the mission" in text
+    assert run_command(["docs", "-", *line]) == 2
+    results(table, benchmark="0" * 64)
+    assert run_command(["docs", "ssr", *line]) == 2
+    assert "another version of the benchmark" in capsys.readouterr().err
+    assert not pages.exists()
 
 
 @pytest.mark.parametrize(

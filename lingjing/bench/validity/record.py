@@ -13,7 +13,7 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.bench.adversaries import FIRST_FRESH, column_of
+from lingjing.bench.adversaries import FIRST_FRESH
 from lingjing.bench.evidence import audit_marks, check_rows, row_sha256
 from lingjing.bench.executors import LocalExecutor
 from lingjing.bench.rows import SuiteRow
@@ -183,7 +183,7 @@ def _cells(study: PartStudy) -> Iterator[RecordedCell]:
     for cell in study.planned.plan.cells:
         counted, won, lost = _seeds(row for row in rows if row.cell == cell.key)
         name = cell.player.name
-        yield RecordedCell(study=study.planned.name, column=column_of(cell), tier=cell.column.tier, entrant=name,
+        yield RecordedCell(study=study.planned.name, column=cell.column_name, tier=cell.column.tier, entrant=name,
                            sees=sees[name], planned=len(planned), seeds=counted, won=won, lost=lost)  # fmt: skip
 
 

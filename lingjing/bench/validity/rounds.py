@@ -3,53 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from lingjing.bench.adversaries import USUAL_S, column_of
 from lingjing.bench.countdown import Countdown
+from lingjing.bench.durations import SECONDS_AN_HOUR, Durations
 from lingjing.bench.planning import SuiteCell
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.running import SuiteRun
 from lingjing.bench.validity.studies import Study
-
-SECONDS_AN_HOUR = 3600.0
-
-
-class Durations:
-    """The seconds of an episode: the mean of its cell's rows, else of its column's at its tier, else those that the
-    program declares.
-    """
-
-    def __init__(self, declared: Mapping[str, float], rows: Iterable[SuiteRow] = ()) -> None:
-        self._declared = declared
-        self._sums: dict[tuple[str, ...], tuple[int, float]] = {}
-        for row in rows:
-            self.learn(row)
-
-    def learn(self, row: SuiteRow) -> None:
-        """Add the duration of a row."""
-        column = f"{row.mission}-{row.mode}", str(row.tier)
-        for key in (column, (*column, row.entrant)) if row.wall_s > 0.0 else ():
-            count, seconds = self._sums.get(key, (0, 0.0))
-            self._sums[key] = count + 1, seconds + row.wall_s
-
-    def of(self, cell: SuiteCell) -> float:
-        """Return the seconds of an episode of the cell."""
-        column = column_of(cell), str(cell.column.tier)
-        count, seconds = self._sums.get((*column, cell.player.name)) or self._sums.get(column) or (0, 0.0)
-        return seconds / count if count else self._declared.get(column_of(cell), USUAL_S)
-
-    def hours(self, cells: Iterable[SuiteCell], jobs: int) -> float:
-        """Return the hours of one episode of each of these cells, `jobs` at a time."""
-        numbers: Counter[tuple[object, ...]] = Counter()
-        known: dict[tuple[object, ...], SuiteCell] = {}
-        for cell in cells:
-            key = (cell.key, cell.column.tier)
-            numbers[key] += 1
-            known[key] = cell
-        return sum(self.of(cell) * numbers[key] for key, cell in known.items()) / SECONDS_AN_HOUR / jobs
 
 
 @dataclass
@@ -115,4 +77,4 @@ class Rounds:
         run.tell = follow
 
 
-__all__ = ["Durations", "Rounds"]
+__all__ = ["Rounds"]

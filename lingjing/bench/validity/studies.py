@@ -19,7 +19,6 @@ from lingjing.bench.adversaries import (
     AdversaryMatrix,
     AdversaryRun,
     chosen,
-    column_of,
     make_salt,
     plan_of,
     read_matrix,
@@ -166,7 +165,7 @@ def planned_cells(
     declared = planned.declared
     choice = range(declared.selection)[:limit]
     fresh = range(FIRST_FRESH, FIRST_FRESH + declared.fresh)[: limit if len(choice) == declared.selection else 0]
-    worst = {column_of(cell): cell for cell in reversed(cells)}.values()
+    worst = {cell.column_name: cell for cell in reversed(cells)}.values()
     return [(cell, seed) for seed in choice for cell in cells] + [(cell, seed) for seed in fresh for cell in worst]
 
 
@@ -253,7 +252,7 @@ class AdversaryStudy:
         cells = [episode.cell for episode in self.due(count)]
         for column in self.whole.columns if count >= len(self.whole.selection) else ():
             if self.whole.worst(column) is None:
-                first = next(cell for cell in self.planned.plan.cells if column_of(cell) == column)
+                first = next(cell for cell in self.planned.plan.cells if cell.column_name == column)
                 cells += [first] * min(count, self.size)
         return cells
 
