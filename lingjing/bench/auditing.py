@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
@@ -27,6 +28,7 @@ from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission, shipped_missions
 from lingjing.errors import LingjingError
 from lingjing.kernel.cities import CityBuilder
+from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.mission.salts import Salt, public_seed, salt_fault
@@ -36,6 +38,7 @@ from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import content_sha256
 from lingjing.trace.call_store import CALLS_NAME, CallReader
 from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.records import Header
 from lingjing.trace.seal_check import last_chain
 from lingjing.trace.verification import verify_file
 
@@ -259,14 +262,18 @@ class Auditor:
         if fault:
             own = f", the shipped `{row.mission}` (--suite FILE names a suite with its own)"
             return fault if row.mission in self._missions else f"{fault}{own}"
+        return self._places_fault(drawn, _loaded(file), trace.header, audit)
+
+    def _places_fault(self, drawn: Instance, mission: Mission, header: Header, audit: Audit) -> str:
+        """Return the first difference between the placed entities and city in a trace and those of its instance."""
         try:
-            placed, city = self._cities.place(drawn, imported=bool(_loaded(file).origin.places))
+            placed, city = self._cities.place(drawn, imported=bool(mission.origin.places))
         except LingjingError as error:  # a map or a foreign scene may be missing here
             audit.unchecked[f"the places of its entities: {error}"] += 1
             return ""
-        if placed.entities != played.entities:
+        if placed.entities != header.instance.entities:
             return "its entities are not those of its mission"
-        return "" if content_sha256(city) == trace.header.city_sha256 else "its city is not that of its mission"
+        return "" if content_sha256(city) == header.city_sha256 else "its city is not that of its mission"
 
     def _difference_to_others(self, row: SuiteRow, trace: Trace, audit: Audit) -> str:
         """Return the first difference between the rules in a trace and those of an earlier row of the same instance, if
@@ -430,31 +437,54 @@ def _calls_fault(row: SuiteRow, folder: Path, audit: Audit) -> str:
     if not _is_there(file):
         audit.unchecked["its model calls, which have no record"] += 1
         return ""
+    try:
+        held = _recorded(file)
+    except (LingjingError, msgspec.MsgspecError, ValueError) as error:
+        return f"its record of model calls is wrong: {error}"
+    if metrics.tokens != held.tokens or not held.calls - held.abandoned <= metrics.calls <= held.calls:
+        claimed = f"the row {metrics.calls} with {metrics.tokens}"
+        return f"its record holds {held.calls} model calls with {held.tokens} tokens, and {claimed}"
+    if not math.isclose(metrics.cost_usd, held.cost_usd, rel_tol=1e-6, abs_tol=1e-9):
+        return f"its record holds model calls for ${held.cost_usd:.6f}, and the row claims ${metrics.cost_usd:.6f}"
+    return (
+        "" if row.served == held.served else f"its record names the model `{held.served}`, and the row `{row.served}`"
+    )
+
+
+class _Recorded(NamedTuple):
+    """The sums of a record of model calls."""
+
+    calls: int
+    abandoned: int
+    """Calls that were given up at a deadline, also in `calls`."""
+    tokens: int
+    cost_usd: float
+    served: str
+
+
+def _recorded(file: Path) -> _Recorded:
+    """Read every text and picture of a record, and sum its calls. Raises `LingjingError`, `MsgspecError` or
+    `ValueError` for what cannot be read.
+    """
     reader = CallReader(file)
     try:
-        tokens = calls = abandoned = 0
-        cost_usd = 0.0
+        results = []
         for call in reader.calls():
             for message in (call.head, *call.messages):
                 from_json(message)
             for picture in call.pictures:
                 reader.content(bytes.fromhex(picture))
             if call.tick >= 0 and call.result is not None:
-                tokens += call.result.prompt_tokens + call.result.completion_tokens
-                cost_usd += call.result.cost_usd or 0.0
-                calls += call.result.attempts
-                abandoned += call.result.attempts if call.result.fault == "abandoned" else 0
-        served = ", ".join(reader.served())
-    except (LingjingError, msgspec.MsgspecError, ValueError) as error:
-        return f"its record of model calls is wrong: {error}"
+                results.append(call.result)
+        return _Recorded(
+            calls=sum(result.attempts for result in results),
+            abandoned=sum(result.attempts for result in results if result.fault == "abandoned"),
+            tokens=sum(result.prompt_tokens + result.completion_tokens for result in results),
+            cost_usd=sum(result.cost_usd or 0.0 for result in results),
+            served=", ".join(reader.served()),
+        )
     finally:
         reader.close()
-    if metrics.tokens != tokens or not calls - abandoned <= metrics.calls <= calls:
-        claimed = f"the row {metrics.calls} with {metrics.tokens}"
-        return f"its record holds {calls} model calls with {tokens} tokens, and {claimed}"
-    if not math.isclose(metrics.cost_usd, cost_usd, rel_tol=1e-6, abs_tol=1e-9):
-        return f"its record holds model calls for ${cost_usd:.6f}, and the row claims ${metrics.cost_usd:.6f}"
-    return "" if row.served == served else f"its record names the model `{served}`, and the row `{row.served}`"
 
 
 __all__ = ["LEAST_SHARE", "Audit", "Auditor", "Finding"]
