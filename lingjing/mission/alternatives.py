@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from types import NoneType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -22,6 +22,7 @@ from lingjing.mission.tiers import settings_of_tier
 
 T = TypeVar("T")
 Guarded = TypeVar("Guarded", model.Rule, model.Stage, model.Reveal)
+Line = TypeVar("Line", model.Alternative, model.OtherChannels)
 
 _LEAVES = frozenset({str, float, int, bool, NoneType})
 """Types of values without expressions: four of five fields of a mission."""
@@ -56,29 +57,40 @@ def at_tier(mission: model.Mission, tier: int = 0) -> model.Mission:
 
 
 def _settled(mission: model.Mission) -> model.Mission:
-    """The mission with the alternatives of groups, scene and weather in place that hold in every mode."""
+    """The mission with the alternatives of groups, cameras, scene and weather in place that hold in every mode."""
     scene = mission.scene
     return msgspec.structs.replace(
         mission,
-        groups=tuple(
-            msgspec.structs.replace(
-                group, properties=_with_certain(group.properties, group.alternatives), alternatives=()
-            )
-            if group.alternatives
-            else group
-            for group in mission.groups
+        groups=tuple(_of_group(group, _certain, Scope(mode="")) for group in mission.groups),
+        scene=msgspec.structs.replace(
+            scene, options=_replaced(scene.options, _certain(scene.alternatives), Scope(mode="")), alternatives=()
         ),
-        scene=msgspec.structs.replace(scene, options=_with_certain(scene.options, scene.alternatives), alternatives=()),
-        weather=_with_certain(mission.weather, mission.weather_alternatives),
+        weather=_replaced(mission.weather, _certain(mission.weather_alternatives), Scope(mode="")),
         weather_alternatives=(),
     )
 
 
-def _with_certain(
-    properties: tuple[model.Property, ...], alternatives: Iterable[model.Alternative]
-) -> tuple[model.Property, ...]:
-    certain = (each for each in alternatives if each.when.condition == ex.Flag(True))
-    return _replaced(properties, certain, Scope(mode=""))
+def _certain(alternatives: Iterable[Line]) -> tuple[Line, ...]:
+    """The alternatives that hold in every mode."""
+    return tuple(each for each in alternatives if each.when.condition == ex.Flag(True))
+
+
+def _of_group(group: model.Group, among: Callable[[tuple[Any, ...]], tuple[Any, ...]], scope: Scope) -> model.Group:
+    """The group with the alternatives of its block and of its cameras in place, as far as they are `among` these."""
+    if not group.alternatives and not any(camera.alternatives for camera in group.cameras):
+        return group
+    return msgspec.structs.replace(
+        group,
+        properties=_replaced(group.properties, among(group.alternatives), scope),
+        alternatives=(),
+        cameras=tuple(_of_camera(camera, among(camera.alternatives), scope) for camera in group.cameras),
+    )
+
+
+def _of_camera(camera: model.Camera, others: Iterable[model.OtherChannels], scope: Scope) -> model.Camera:
+    """The camera with the channels of the last alternative that holds."""
+    chosen = [other.channels for other in others if flag_of(other.when.condition, scope)]
+    return msgspec.structs.replace(camera, channels=chosen[-1] if chosen else camera.channels, alternatives=())
 
 
 def _without_impossible_failure(mission: model.Mission) -> model.Mission:
@@ -98,7 +110,7 @@ def _without_absent(value: T) -> T:
         for name in value.__struct_fields__
         if (new := _without_absent(old := getattr(value, name))) is not old
     }
-    if _guard_of(value) == ex.Flag(True) and not isinstance(value, model.Alternative):
+    if _guard_of(value) == ex.Flag(True) and not isinstance(value, model.Alternative | model.OtherChannels):
         changes["when"] = None
     return msgspec.structs.replace(value, **changes) if changes else value
 
@@ -110,14 +122,7 @@ def _guard_of(item: object) -> ex.Expr | None:
 
 
 def _chosen(mission: model.Mission, scope: Scope) -> model.Mission:
-    groups = tuple(
-        msgspec.structs.replace(
-            group, properties=_replaced(group.properties, group.alternatives, scope), alternatives=()
-        )
-        if group.alternatives
-        else group
-        for group in mission.groups
-    )
+    groups = tuple(_of_group(group, tuple, scope) for group in mission.groups)
     agents = tuple(_observing(agent, scope) for agent in mission.agents)
     scene = mission.scene
     if scene.alternatives:

@@ -164,6 +164,13 @@ class Grid(Record, frozen=True, kw_only=True):
     """True if agents that observe the grid receive the share of each cell's ground that pictures have shown."""
 
 
+class OtherChannels(Record, frozen=True, kw_only=True):
+    """`channels = [rgb] when plain`: the channels of a camera under a condition. The last one that holds counts."""
+
+    channels: tuple[str, ...]
+    when: Guard
+
+
 class Camera(Record, frozen=True, kw_only=True):
     """A camera of an asset."""
 
@@ -177,6 +184,8 @@ class Camera(Record, frozen=True, kw_only=True):
     """Horizontal field of view, degrees."""
     channels: tuple[str, ...]
     """Some of `rgb`, `depth`, `semantic`, `instance`."""
+    alternatives: tuple[OtherChannels, ...] = ()
+    """`lingjing.mission.alternatives` puts them in place."""
     capture: Literal["on_request", "each_tick"] = "on_request"
 
 

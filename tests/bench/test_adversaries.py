@@ -94,7 +94,7 @@ def plan() -> SuitePlan:
 
 def test_the_matrix_covers_every_column_and_its_classes_exist(plan: SuitePlan) -> None:
     matrix = read_matrix()
-    assert len(matrix.adversaries) == 12
+    assert len(matrix.adversaries) == 14
     pairs = {(cell.player.name, cell.column_name) for cell in plan.cells}
     assert pairs == {(each.name, column) for each in matrix.adversaries for column in each.columns}
     missions = [compiled(path) for path in shipped_missions() if path.stem != "queue"]
@@ -252,7 +252,7 @@ def test_errors_of_a_matrix_are_reported(tmp_path: Path) -> None:
 def test_the_command_prints_pairs_and_hours_and_plays_nothing(capsys: Capture) -> None:
     assert run_command(["bench", "adversaries", "--columns", "cd-star", "--check"]) == ExitCode.OK
     printed = capsys.readouterr().err
-    assert "4 pairs in 1 column" in printed and "59 to 231 fresh seeds a column" in printed
+    assert "5 pairs in 1 column" in printed and "59 to 231 fresh seeds a column" in printed
     assert run_command(["bench", "adversaries", "--quick", "--select", "2"]) == ExitCode.USAGE
 
 

@@ -7,7 +7,9 @@ agents/lingjing_agents/adversaries/messages.py:Loner` plays one.
 
 - `guesses`: `Blind`, `Flooder`, `ClockReader` and `EventReader` guess boxes on black pictures.
 - `pixels`: `MaskReader` reads depth and classes, `ColourTable` reads colours that were learnt on two seeds.
+- `depths`: `DepthReader` measures, and sees no colour.
 - `ids`: `IdReader` reads names, numbers and their order.
 - `messages`: `Deaf` receives no message, `Loner` needs none, `Whiteboard` exchanges them beside the bus.
+- `streets`: `StreetSweeper` drives over every street, and neither sends nor reads a message.
 - `truth`: `Introspector` reads memory, other processes and the open trace, `SeedGuesser` draws the instance again.
 """

@@ -35,7 +35,7 @@ class EntityChecker(DeclarationChecker):
     def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
         super().__init__(blocks)
         self.settings = settings
-        self.equipment = EquipmentChecker(blocks)
+        self.equipment = EquipmentChecker(blocks, settings)
         self.behaviours = BehaviourChecker(blocks)
 
     def head(self, node: s.EntityBlock) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import msgspec
 
-from lingjing.dsl.checking.blocks import DeclarationChecker
+from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.keys import PropertyEntry, word_of
 from lingjing.dsl.checking.scope import TypeDecl
+from lingjing.dsl.checking.settings import SettingsChecker, split_guarded
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.statements import KINDS, VIEWS
@@ -18,6 +21,10 @@ from lingjing.mission.units import BY_NAME
 
 class EquipmentChecker(DeclarationChecker):
     """Checks the parts of an asset that are no properties."""
+
+    def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
+        super().__init__(blocks)
+        self.settings = settings
 
     def equipment(
         self, node: s.EntityBlock, decl: TypeDecl | None
@@ -45,7 +52,8 @@ class EquipmentChecker(DeclarationChecker):
         keys = KINDS["camera"].keys
         if preset or node.type is not None:
             keys = {name: msgspec.structs.replace(key, required=False) for name, key in keys.items()}
-        own = self.blocks.read(node.block, keys, f"the camera `{node.name.text}`", owner=node.name)
+        plain, guarded = split_guarded(node.block)
+        own = self.blocks.read(plain, keys, f"the camera `{node.name.text}`", owner=node.name)
         entries = {**preset, **own}
         view = word_of(entries, "view") or node.name.text
         if view not in VIEWS:
@@ -63,17 +71,29 @@ class EquipmentChecker(DeclarationChecker):
                 self.report.at("LJ0106", node.name, message, f"add `{missing[0]} = …`")
             return None
         width, height = entries["size"].parts
-        listed = entries["channels"].value.ir
-        names = listed.items if isinstance(listed, ex.Sequence) else ()
         return model.Camera(
             name=node.name.text,
             view=view,  # type: ignore[arg-type]
             width=width.ir,
             height=height.ir,
             hfov=entries["hfov"].value.ir,
-            channels=tuple(name.name for name in names if isinstance(name, ex.Symbol)),
+            channels=_channels(entries["channels"]),
+            alternatives=tuple(self._other_channels(node, guarded)),
             capture=word_of(entries, "capture") or "on_request",  # type: ignore[arg-type]
         )
+
+    def _other_channels(self, node: s.CameraBlock, lines: tuple[s.PropertyLine, ...]) -> Iterator[model.OtherChannels]:
+        """Yield the lines `channels = … when …`; no other line of a camera can have a condition."""
+        keys = {"channels": KINDS["camera"].keys["channels"]}
+        for line in lines:
+            if line.name.text != "channels":
+                self.report.at("LJ0307", line.guard or line, f"`{line.name.text}` cannot depend on a condition")
+                continue
+            bare = s.BracedBlock(line.start, line.end, (msgspec.structs.replace(line, guard=None),))
+            entries = self.blocks.read(bare, keys, f"the camera `{node.name.text}`")
+            guard = self.settings.guard(line.guard)
+            if entries and guard is not None:
+                yield model.OtherChannels(channels=_channels(entries["channels"]), when=guard)
 
     def _preset(self, node: s.CameraBlock) -> dict[str, PropertyEntry]:
         if node.type is None:
@@ -148,6 +168,12 @@ class EquipmentChecker(DeclarationChecker):
             self.report.at("LJ0206", node, f"the default of `{verb.name}` is outside of its bounds")
             return False
         return True
+
+
+def _channels(entry: PropertyEntry) -> tuple[str, ...]:
+    listed = entry.value.ir
+    names = listed.items if isinstance(listed, ex.Sequence) else ()
+    return tuple(name.name for name in names if isinstance(name, ex.Symbol))
 
 
 def _parts(item: s.PropertyLine) -> tuple[s.Expression | None, s.Expression | None]:

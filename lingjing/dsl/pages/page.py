@@ -101,6 +101,10 @@ class _Page:
             if self._reads(group.when, switch):
                 yield f"{group.name}: {group.type}"
             yield from self._alternatives(f"{group.name} ", group.alternatives, switch)
+            for camera in group.cameras:
+                for other in camera.alternatives:
+                    if self._reads(other.when, switch):
+                        yield f"{group.name} {camera.name} {self.printer.channels(other)}"
         yield from self._alternatives("scene ", self.mission.scene.alternatives, switch)
         yield from self._alternatives("weather ", self.mission.weather_alternatives, switch)
         for agent in self.mission.agents:

@@ -252,10 +252,15 @@ class Printer:
         lines = [] if camera.view == camera.name else [f"view = {camera.view}"]
         lines.append(f"size = {self.text(camera.width, SUM)} by {self.text(camera.height, SUM)}")
         lines.append(f"hfov = {self.text(camera.hfov)}")
-        lines.append(f"channels = [{', '.join(camera.channels)}]")
+        lines.append(_channels(camera.channels))
+        lines.extend(self.channels(other) for other in camera.alternatives)
         if camera.capture != "on_request":
             lines.append(f"capture = {camera.capture}")
         return block(f"camera {camera.name}", lines)
+
+    def channels(self, other: model.OtherChannels) -> str:
+        """Return the text of `channels = [rgb] when …`."""
+        return _channels(other.channels) + self._when(other.when)
 
     def _actions(self, group: model.Group) -> str:
         due = {verb.name: verb for verb in self.imports.verbs[group.type]}
@@ -501,6 +506,10 @@ def _subject(policy: str) -> str:
     """The policy of an expectation: a word, or else a quoted text."""
     plain = policy.isidentifier() and policy not in STATEMENTS_BY_WORD and policy not in INNER
     return policy if plain else quoted(policy)
+
+
+def _channels(names: Iterable[str]) -> str:
+    return f"channels = [{', '.join(names)}]"
 
 
 def _mount(mount: model.CameraMount) -> Iterator[str]:

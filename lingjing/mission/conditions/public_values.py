@@ -159,7 +159,9 @@ def _guards(mission: model.Mission) -> Iterator[PublicValue]:
         mission.groups, mission.agents, *(agent.observes for agent in mission.agents), mission.authorities,
         mission.messages, mission.rules, mission.stages, *(stage.limits for stage in mission.stages),
         mission.relations, mission.limits, mission.constraints, mission.inspections, mission.events, mission.sweeps,
-        *(group.alternatives for group in mission.groups), mission.scene.alternatives, mission.weather_alternatives,
+        *(group.alternatives for group in mission.groups),
+        *(camera.alternatives for group in mission.groups for camera in group.cameras),
+        mission.scene.alternatives, mission.weather_alternatives,
     )  # fmt: skip
     guards = (each.when for several in declared for each in several)
     conditions = (guard.condition for guard in guards if guard is not None)

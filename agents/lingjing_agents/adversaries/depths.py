@@ -1,0 +1,224 @@
+"""`DepthReader`: the adversary that measures, and sees no colour and no class.
+
+It has the rules of the heuristic inside. Its pictures are black, and its detectors read the depth image from above,
+along the public lines of the mission's text. At tier 0 a gap in a deck, spray and vehicles are plain there.
+
+- a fracture: the part of the bridge where the depth is that of the water;
+- a leak: what stands beside the pipe and is as high as spray;
+- a jam: bodies of the size of vehicles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.plugins.geometry import world_to_pixel
+from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Picture, Policy
+from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.heuristic.policy import HeuristicPolicy
+from lingjing_agents.heuristic.target_types import ANY_VEHICLE, Detector
+from lingjing_agents.perception.depth_points import heights
+from lingjing_agents.perception.images import opencv
+from lingjing_agents.perception.people_at_sea import FoundBox
+
+FloatArray = npt.NDArray[np.float64]
+
+BRIDGE: tuple[GroundPoint, ...] = ((-150.0, 0.0), (400.0, 30.0), (1000.0, 20.0))
+PIPE: tuple[GroundPoint, ...] = ((-60.0, -40.0), (-60.0, 40.0), (20.0, 40.0), (20.0, -30.0), (60.0, -30.0))
+"""The axes of the bridge and of the pipe in the shipped missions' texts, metres."""
+DECK_M = 12.0
+"""Elevation of the deck, metres (from the mission's text)."""
+STRIDE_PX = 2
+"""Every how many pixels the depth is read (chosen)."""
+BESIDE_M = 4.0
+"""Half of the deck's width that is read, metres (chosen: inside of the railings)."""
+BIN_M = 0.5
+"""Length of the parts of the deck, metres (chosen)."""
+GAP_M = (3.0, 20.0)
+"""Shortest and longest gap, metres (chosen)."""
+FRACTURE_M = (8.8, 8.2)
+"""Least length and half of the width of a fracture's box, metres (measured in the shipped mission)."""
+SPRAY_M = (0.12, 4.6)
+"""Heights of spray above the ground, metres (measured in the shipped mission, with a margin)."""
+HIGH_SPRAY_M = 2.0
+"""Height that spray exceeds and the pipe does not, metres."""
+PIPE_M, NEAR_PIPE_M = 0.95, 7.5
+"""Half of the pipe's width, and the distance from its axis up to which spray reaches, metres."""
+SPRAY_SIDE_M = (2.0, 10.0)
+"""Least and greatest length of spray, metres."""
+UNEVEN_M, HIGH_SHARE, TOUCHES_M = 0.3, 0.08, 2.6
+"""Least standard deviation of spray's heights, share of it above `HIGH_SPRAY_M`, and distance of its nearest part from
+the pipe, metres.
+"""
+VEHICLE_M, VEHICLE_LONG_M, VEHICLE_WIDE_M = (0.6, 3.6), (2.8, 14.0), (1.2, 5.0)
+"""Least and greatest height, length and width of vehicles, metres."""
+FAR_M = 1e5
+"""The depth of pixels without one, metres."""
+DOWN_DEG = 80.0
+"""Least tilt of a picture from above, degrees."""
+
+
+class _Thing(NamedTuple):
+    """A connected part of a picture."""
+
+    box: FoundBox
+    sides_m: tuple[float, float]
+    cells: npt.NDArray[np.bool_]
+
+
+class DepthReader:
+    """Reads the depth of pictures from above."""
+
+    async def reset(self, brief: Brief) -> None:
+        """Give the heuristic the detectors."""
+        finders: tuple[tuple[str, Detector], ...] = (("fracture", find_gap), ("leak", find_spray))
+        known = {name: find for name in brief.classes for word, find in finders if word in name}
+        self._wrapped: Policy = HeuristicPolicy({ANY_VEHICLE: find_vehicles, **known})
+        await self._wrapped.reset(brief)
+
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Return the heuristic's decision on pictures without colours and classes."""
+        pictures = tuple(
+            replace(picture, rgb=np.zeros_like(picture.rgb), jpeg=b"", semantic=None)
+            for picture in observation.pictures
+        )
+        return await self._wrapped.act(replace(observation, pictures=pictures), inbox)
+
+
+def find_gap(picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
+    """Return the box of the part of the deck where the picture shows what lies below it."""
+    points = _points(picture)
+    if points is None:
+        return ()
+    for first, last in pairwise(BRIDGE):
+        along, across = _along(points, first, last)
+        on_deck = (np.abs(across) <= BESIDE_M) & (along >= 0.0) & (along <= math.dist(first, last))
+        numbers = (along[on_deck] / BIN_M).astype(int)
+        if not numbers.size:
+            continue
+        seen = np.bincount(numbers)
+        low = np.bincount(numbers, weights=points[2].ravel()[on_deck.ravel()] < DECK_M - 0.5)
+        open_parts = np.flatnonzero((seen > 0) & (low >= 0.6 * np.maximum(seen, 1)))
+        if open_parts.size and GAP_M[0] <= (open_parts[-1] - open_parts[0] + 1) * BIN_M <= GAP_M[1]:
+            middle = (open_parts[0] + open_parts[-1] + 1) / 2.0 * BIN_M
+            half = max(FRACTURE_M[0], (open_parts[-1] - open_parts[0] + 1) * BIN_M + 0.6) / 2.0
+            box = _box(picture, first, last, (middle - half, middle + half), FRACTURE_M[1])
+            if box is not None:
+                return (box,)
+    return ()
+
+
+def find_spray(picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
+    """Return the boxes of the two greatest things beside the pipe that are as high as spray and as uneven."""
+    points = _points(picture)
+    if points is None:
+        return ()
+    away = np.min([_away(points, first, last) for first, last in pairwise(PIPE)], axis=0)
+    high = points[2]
+    pipe = (away < PIPE_M) | ((away < 2.4 * PIPE_M) & (high < HIGH_SPRAY_M))
+    mask = (high > SPRAY_M[0]) & (high < SPRAY_M[1]) & (away < NEAR_PIPE_M) & ~pipe
+    found = []
+    for thing in _things(picture, points, mask, close_m=0.9):
+        high_m, near_m = points[2][thing.cells], away[thing.cells]
+        uneven_m, share_m2 = float(np.std(high_m)), thing.sides_m[0] * thing.sides_m[1]
+        if (
+            SPRAY_SIDE_M[0] <= max(thing.sides_m) <= SPRAY_SIDE_M[1]
+            and uneven_m > UNEVEN_M
+            and np.mean(high_m > HIGH_SPRAY_M) > HIGH_SHARE
+            and near_m.min() < TOUCHES_M
+        ):
+            found.append((uneven_m * share_m2, thing.box))
+    return tuple(box for _, box in sorted(found, key=lambda pair: -pair[0])[:2])
+
+
+def find_vehicles(picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
+    """Return the boxes of the things that have the height, length and width of vehicles."""
+    points = _points(picture)
+    if points is None:
+        return ()
+    mask = (points[2] > VEHICLE_M[0]) & (points[2] < VEHICLE_M[1])
+    return tuple(
+        box
+        for box, sides_m, _ in _things(picture, points, mask)
+        if VEHICLE_LONG_M[0] < max(sides_m) < VEHICLE_LONG_M[1] and VEHICLE_WIDE_M[0] < min(sides_m) < VEHICLE_WIDE_M[1]
+    )
+
+
+def _colourless(picture: Picture) -> Picture:
+    return replace(picture, rgb=np.zeros_like(picture.rgb), jpeg=b"", semantic=None)
+
+
+def _points(picture: Picture) -> FloatArray | None:
+    """Return east, north and elevation (3, rows, columns; metres), with the ground at 0; None without depth or for
+    another view.
+    """
+    if picture.depth is None or picture.pose.tilt_deg < DOWN_DEG:
+        return None
+    depth = np.where(np.isfinite(picture.depth), picture.depth, np.float32(FAR_M))
+    points = heights(depth, picture.pose, 0.0, STRIDE_PX)
+    rows, columns = (len(range(STRIDE_PX // 2, side, STRIDE_PX)) for side in picture.depth.shape)
+    shaped: FloatArray = np.moveaxis(points.reshape(rows, columns, 3), 2, 0)
+    return shaped
+
+
+def _along(points: FloatArray, first: GroundPoint, last: GroundPoint) -> tuple[FloatArray, FloatArray]:
+    """Return the distance of points along a line from its beginning, and to its left."""
+    length = math.dist(first, last)
+    east, north = (last[0] - first[0]) / length, (last[1] - first[1]) / length
+    x, y = points[0] - first[0], points[1] - first[1]
+    return x * east + y * north, y * east - x * north
+
+
+def _away(points: FloatArray, first: GroundPoint, last: GroundPoint) -> FloatArray:
+    """Return the distance of points from a line."""
+    along, across = _along(points, first, last)
+    beyond = np.maximum(0.0, np.maximum(-along, along - math.dist(first, last)))
+    distance: FloatArray = np.hypot(across, beyond)
+    return distance
+
+
+def _things(
+    picture: Picture, points: FloatArray, mask: npt.NDArray[np.bool_], close_m: float = 0.0
+) -> Iterator[_Thing]:
+    """Yield each connected part of a mask that the picture holds completely."""
+    cv2 = opencv()
+    cell_m = float(np.median(np.hypot(*np.diff(points[:2], axis=2))))
+    drawn = mask.astype(np.uint8)
+    if close_m:
+        side = max(3, int(close_m / cell_m) | 1)
+        drawn = cv2.morphologyEx(drawn, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(drawn, connectivity=8)
+    rows, columns = mask.shape
+    for number, (left, top, width, height, _) in enumerate(stats[1:].tolist(), 1):
+        if left > 0 and top > 0 and left + width < columns and top + height < rows:
+            box = left / columns, top / rows, (left + width) / columns, (top + height) / rows
+            yield _Thing(FoundBox(box, 0.9), (width * cell_m, height * cell_m), (labels == number) & mask)
+
+
+def _box(
+    picture: Picture, first: GroundPoint, last: GroundPoint, ends_m: tuple[float, float], half_m: float
+) -> FoundBox | None:
+    """Return the box of a part of the deck; None if the picture does not hold it completely."""
+    length = math.dist(first, last)
+    east, north = (last[0] - first[0]) / length, (last[1] - first[1]) / length
+    corners = [
+        world_to_pixel(
+            picture.pose,
+            (first[0] + along * east - side * north, first[1] + along * north + side * east, DECK_M),
+        )
+        for along in ends_m
+        for side in (-half_m, half_m)
+    ]
+    if any(corner is None for corner in corners):
+        return None
+    us, vs = zip(*(corner[:2] for corner in corners if corner is not None), strict=True)
+    width, height = picture.pose.width, picture.pose.height
+    box = min(us) / width, min(vs) / height, max(us) / width, max(vs) / height
+    return FoundBox(box, 0.9) if min(box) >= 0.0 and max(box) <= 1.0 else None
