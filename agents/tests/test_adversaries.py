@@ -14,17 +14,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lingjing_agents.adversaries import messages
+from lingjing_agents.adversaries.depths import DECK_M, FRACTURE_M, find_gap, find_spray, find_vehicles
 from lingjing_agents.adversaries.guesses import FLOOD, Blind, ClockReader, EventReader, Flooder, guess
 from lingjing_agents.adversaries.ids import FIRST_KG, OTHERS_KG, IdReader, completed
 from lingjing_agents.adversaries.messages import Whiteboard
 from lingjing_agents.adversaries.pixels import MaskReader, colour_numbers, learn
+from lingjing_agents.adversaries.streets import StreetSweeper
 from lingjing_agents.adversaries.truth import Introspector, agreeing
 
 import lingjing
 from agents.tests.agent_kit import ASSIGNMENT, Inbox, brief, observe, picture, view
 from lingjing.plugins.geometry import focal_px
 from lingjing.plugins.policy import Brief, Decision, EventView, Observation, Outgoing, Picture, Policy
-from lingjing.testing import brief_of, compiled, instantiate
+from lingjing.testing import brief_of, city_of, compiled, instantiate
 
 TRIP = """\
 ljs 2
@@ -134,6 +136,61 @@ def test_the_mask_reader_finds_an_object_that_protrudes_in_the_depth_picture() -
     assert patch.box == pytest.approx((900 / 1920, 500 / 1080, 914 / 1920, 514 / 1080), abs=1e-3)
     assert find(above(depth=np.full_like(depth, 100.0)), -3.5) == ()
     assert find(above(), -3.5) == (), "a picture without channels says nothing"
+
+
+def ground_depth(*blocks: tuple[slice, slice, float]) -> np.ndarray:
+    """The depth picture of level ground from 60 m, with blocks of these rows, columns and elevations."""
+    depth = np.full((1080, 1920), 60.0, np.float32)
+    for rows, columns, elevation_m in blocks:
+        depth[rows, columns] = 60.0 - elevation_m
+    return depth
+
+
+def over(place: tuple[float, float], depth: np.ndarray | None) -> Picture:
+    return replace(picture((*place, 60.0)), depth=depth)
+
+
+def test_the_depth_reader_finds_a_gap_of_a_deck_and_no_patch_on_it() -> None:
+    place = (125.0, 15.0)  # on the axis, which leads east and a little north
+    deck = (slice(380, 700), slice(0, 1920), DECK_M)
+    scale_px = focal_px(picture((0.0, 0.0, 60.0)).pose) / (60.0 - DECK_M)
+    gap = slice(960 - int(4 * scale_px), 960 + int(4 * scale_px))
+    (box,) = find_gap(over(place, ground_depth(deck, (slice(380, 700), gap, 0.0))), 0.0)
+    left, _, right, _ = box.box
+    assert (left + right) / 2.0 == pytest.approx(0.5, abs=0.01)
+    assert (right - left) * 1920 / scale_px == pytest.approx(FRACTURE_M[0] + 2 * FRACTURE_M[1] * 0.054, rel=0.1)
+    assert find_gap(over(place, ground_depth(deck)), 0.0) == ()
+    assert find_gap(over(place, ground_depth(deck, (slice(380, 700), gap, DECK_M + 1.0))), 0.0) == ()
+    assert find_gap(over(place, None), 0.0) == (), "a camera that gives colours alone"
+
+
+def test_the_depth_reader_finds_spray_beside_a_pipe_and_vehicles_by_their_size() -> None:
+    uneven = (slice(400, 460), slice(930, 960), 3.0), (slice(400, 460), slice(960, 990), 0.8)
+    (spray,) = find_spray(over((-57.5, 0.0), ground_depth(*uneven)), 0.0)  # the pipe leads along x = -60
+    assert spray.box == pytest.approx((930 / 1920, 400 / 1080, 990 / 1920, 460 / 1080), abs=0.01)
+    flat = (slice(400, 460), slice(930, 990), 0.02)
+    assert find_spray(over((-57.0, 0.0), ground_depth(flat)), 0.0) == ()
+    car, house = (slice(300, 330), slice(700, 780), 1.5), (slice(600, 900), slice(100, 500), 3.0)
+    (vehicle,) = find_vehicles(over((0.0, 0.0), ground_depth(car, house)), 0.0)
+    assert vehicle.box == pytest.approx((700 / 1920, 300 / 1080, 780 / 1920, 330 / 1080), abs=0.002)
+
+
+def test_street_sweepers_send_nothing_and_divide_the_streets() -> None:
+    drawn = instantiate(compiled("cd"), seed=3, mode="broadcast")
+    city = city_of(drawn.scene)
+    vans = [entity for entity in drawn.entities if entity.group == "van"]
+    views = tuple(view(van.id, van.position) for van in vans)
+    shares, ends = [], []
+    for number, van in enumerate(vans, 1):
+        player = StreetSweeper()
+        asyncio.run(player.reset(brief_of(drawn, f"driver[{number}]", city=city)))
+        decision = asyncio.run(player.act(observe(f"driver[{number}]", 0, *views), Inbox()))
+        assert decision.messages == () and decision.command is not None and decision.command.resource == van.id
+        ends.append(tuple(decision.command.arguments.values()))
+        shares.append({cell for cell, owner in player._share.items() if owner == van.id})
+    assert len(set(ends)) >= 4, "the vans part"
+    assert all(len(share) > 50 for share in shares)
+    assert len(set.union(*shares)) == sum(map(len, shares)) == len(player._cells)
 
 
 def test_a_colour_table_holds_only_the_colours_of_targets() -> None:

@@ -53,6 +53,12 @@ def open_results(folder: Path) -> Iterator[ResultsFolder]:
         yield ResultsFolder(folder, lock)
 
 
+def check_folder(folder: Path | None) -> None:
+    """Raise `UsageError` for a place that cannot be a results folder because a file is there."""
+    if folder is not None and folder.is_file():
+        raise UsageError(f"cannot write to `{folder}`: it is a file", hint="choose another folder with -o")
+
+
 @contextmanager
 def lock_folder(folder: Path, what: str) -> Iterator[IO[str]]:
     """Create a folder and hold the lock that allows one command (a `what`) to write to it. Raises `UsageError`."""
@@ -256,6 +262,7 @@ def _merged(files: list[Path]) -> list[SuiteRow]:
 __all__ = [
     "RESULTS",
     "ResultsFolder",
+    "check_folder",
     "fingerprint",
     "lock_folder",
     "open_results",

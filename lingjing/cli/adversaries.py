@@ -45,9 +45,9 @@ def play_adversaries(args: argparse.Namespace) -> int:
     shown to win less than 5 %, or wins a fourth time. Exit code 0 if every column passed, 1 if one failed, 4 if some
     are undecided. The same command continues in its folder.
     """
-    from lingjing.bench.adversaries import SUITE, AdversaryRun, chosen, make_salt, plan_of, read_matrix
+    from lingjing.bench.adversaries import FIRST_FRESH, SUITE, AdversaryRun, chosen, make_salt, plan_of, read_matrix
     from lingjing.bench.executors import LocalExecutor
-    from lingjing.bench.folder import open_results
+    from lingjing.bench.folder import check_folder, open_results
     from lingjing.bench.playing import default_folder
     from lingjing.bench.rows import code_sha256
     from lingjing.bench.running import SuiteRun
@@ -56,6 +56,9 @@ def play_adversaries(args: argparse.Namespace) -> int:
     from lingjing.plugins.host import PluginHost
 
     check_counts(("-j", args.jobs), ("--select", args.select))
+    if args.select > FIRST_FRESH:
+        raise UsageError(f"--select {args.select}: fresh seeds begin at {FIRST_FRESH}", hint="choose fewer seeds")
+    check_folder(args.output)
     if args.quick and args.select != 3:
         raise UsageError("--quick and --select contradict each other", hint="remove one of them")
     path = find_suite(SUITE)

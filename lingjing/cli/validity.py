@@ -54,7 +54,7 @@ def play_validity(args: argparse.Namespace) -> int:
     every study. Each study is a suite in a folder of its own. The same command continues. After each step the record
     (`validity.json`) and its tables (`validity.md`) are written. With --hours the command ends by itself, exit code 0.
     """
-    from lingjing.bench.folder import lock_folder
+    from lingjing.bench.folder import check_folder, lock_folder
     from lingjing.bench.rows import code_sha256
     from lingjing.bench.validity.program import read_program
     from lingjing.bench.validity.studies import plan_program
@@ -74,6 +74,7 @@ def play_validity(args: argparse.Namespace) -> int:
         code = code_sha256(path for plan in planned for path in plan.plan.files)
         folder: Path = args.output or RUNS / "bench" / f"{file.program.name}-{code[:12]}"
         if args.check:
+            check_folder(folder)
             _say_size(file, planned, chosen, folder, args)
             return ExitCode.OK
         with lock_folder(folder, "study"):

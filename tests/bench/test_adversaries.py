@@ -257,6 +257,23 @@ def test_the_command_prints_pairs_and_hours_and_plays_nothing(capsys: Capture) -
 
 
 @pytest.mark.parametrize(
+    ("options", "hint"),
+    [
+        (("--columns", "bi"), "did you mean bi-single?"),
+        (("--columns", "cd"), "did you mean cd-star or cd-broadcast?"),
+        (("--select", "1001"), "choose fewer seeds"),
+        (("-o", __file__), "choose another folder with -o"),
+    ],
+)
+def test_a_wrong_option_is_refused_before_the_size_is_printed(
+    options: tuple[str, ...], hint: str, capsys: Capture
+) -> None:
+    assert run_command(["bench", "adversaries", "--check", *options]) == ExitCode.USAGE
+    printed = capsys.readouterr().err
+    assert hint in printed and "pairs" not in printed
+
+
+@pytest.mark.parametrize(
     ("options", "won", "code"),
     [(["--quick"], False, ExitCode.UNDECIDED), ([], True, ExitCode.MISSION), ([], False, ExitCode.OK)],
 )

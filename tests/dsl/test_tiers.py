@@ -186,6 +186,53 @@ def test_two_lines_without_a_condition_stay_an_error() -> None:
     assert [each.code for each in compile_text(twice).diagnostics] == ["LJ0103"]
 
 
+CAMERA = "channels = [rgb], capture = each_tick"
+OTHERS = """capture = each_tick, channels = [rgb, depth], channels = [rgb] when light
+      channels = [semantic] when light and layout"""
+
+
+@pytest.mark.parametrize(
+    ("settings", "channels"),
+    [
+        ({}, ("rgb", "depth")),
+        ({"light": 1.0}, ("rgb",)),
+        ({"layout": 1.0}, ("rgb", "depth")),
+        ({"light": 1.0, "layout": 1.0}, ("semantic",)),
+    ],
+)
+def test_the_last_channels_of_a_camera_whose_condition_holds_count(
+    settings: dict[str, float], channels: tuple[str, ...]
+) -> None:
+    made = compile_text(text().replace(CAMERA, OTHERS)).mission
+    assert made is not None
+    (boat,) = (entity for entity in instantiate(made, settings=settings).entities if entity.group == "boat")
+    assert [camera.channels for camera in boat.cameras] == [channels]
+
+
+def test_the_channels_of_a_camera_under_a_condition_are_printed_and_read_again(tmp_path: Path) -> None:
+    file, printed = tmp_path / "m.ljs", tmp_path / "printed.ljs"
+    file.write_text(text().replace(CAMERA, OTHERS))
+    assert run_command(["compile", "--emit", "ljs", str(file), "-o", str(printed)]) == ExitCode.OK
+    assert "channels = [semantic] when light and layout" in printed.read_text()
+    first, again = (compile_file(str(path)).mission for path in (file, printed))
+    assert first is not None and again is not None
+    assert [group.cameras for group in first.groups] == [group.cameras for group in again.groups]
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("channels = [rgb], capture = each_tick when light", "LJ0307"),
+        ("channels = [rgb], channels = [rgbd] when light", "LJ0109"),
+        ("channels = [rgb], channels = [depth] when nothing", "LJ0101"),
+        ("channels = [rgb], channels = [depth]", "LJ0103"),
+        ("channels = [rgb] when light", "LJ0106"),
+    ],
+)
+def test_a_wrong_line_of_a_camera_under_a_condition_is_one_error(line: str, code: str) -> None:
+    assert [each.code for each in compile_text(text().replace(CAMERA, line)).diagnostics] == [code]
+
+
 def test_a_value_that_one_alternative_hides_is_hidden_in_all() -> None:
     open_line = text().replace("hidden position ~ subset", "position ~ subset")
     leak = open_line.replace("observes boat.*\n", "observes boat.*, victim.position\n")
@@ -264,7 +311,7 @@ def test_each_switch_of_the_nine_missions_can_be_set_alone(name: str) -> None:
     (tier,) = compiled.tiers
     base = instantiate(compiled, seed=1)
     switches = {each.name for each in compiled.parameters if each.is_switch}
-    numbers = {"leaks", "guidance_steps"} if name == "upr" else set()
+    numbers = {"upr": {"leaks", "guidance_steps"}, "cd": {"points"}}.get(name, set())
     assert {setting.name for setting in tier.settings} == switches - {"life"} | numbers
     for name in switches:
         alone = instantiate(compiled, seed=1, settings={name: 1.0})

@@ -115,3 +115,18 @@ def test_at_tier_resolves_the_alternatives_of_a_mission(name: str) -> None:
     assert plain != hard and not any(group.alternatives for group in (*plain.groups, *hard.groups))
     names = [{group.name for group in each.groups} for each in (plain, hard)]
     assert names[0] <= names[1]
+
+
+@pytest.mark.parametrize("name", ["bi", "cr", "upr"])
+def test_cameras_of_tier_1_give_colours_alone_where_depth_shows_the_targets(name: str) -> None:
+    plain, hard = (instantiate(mission(name), seed=3, tier=tier) for tier in (0, 1))
+    assert any("depth" in camera.channels for entity in plain.entities for camera in entity.cameras)
+    assert {camera.channels for entity in hard.entities for camera in entity.cameras} == {("rgb",)}
+
+
+def test_no_plates_of_a_bridge_hide_its_fracture() -> None:
+    for seed in range(40):
+        drawn = instantiate(mission("bi"), seed=seed, tier=1)
+        (gap,) = (entity.position for entity in drawn.entities if entity.group == "fracture")
+        plates = [entity.position for entity in drawn.entities if entity.group == "plates"]
+        assert len(plates) == 8 and min(math.dist(gap[:2], place[:2]) for place in plates) >= 15.0

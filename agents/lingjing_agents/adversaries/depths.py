@@ -124,7 +124,7 @@ def find_spray(picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
     high = points[2]
     pipe = (away < PIPE_M) | ((away < 2.4 * PIPE_M) & (high < HIGH_SPRAY_M))
     mask = (high > SPRAY_M[0]) & (high < SPRAY_M[1]) & (away < NEAR_PIPE_M) & ~pipe
-    found = []
+    sprays = []
     for thing in _things(picture, points, mask, close_m=0.9):
         high_m, near_m = points[2][thing.cells], away[thing.cells]
         uneven_m, share_m2 = float(np.std(high_m)), thing.sides_m[0] * thing.sides_m[1]
@@ -134,8 +134,8 @@ def find_spray(picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
             and np.mean(high_m > HIGH_SPRAY_M) > HIGH_SHARE
             and near_m.min() < TOUCHES_M
         ):
-            found.append((uneven_m * share_m2, thing.box))
-    return tuple(box for _, box in sorted(found, key=lambda pair: -pair[0])[:2])
+            sprays.append((uneven_m * share_m2, thing.box))
+    return tuple(box for _, box in sorted(sprays, key=lambda pair: -pair[0])[:2])
 
 
 def find_vehicles(picture: Picture, level_m: float) -> tuple[FoundBox, ...]:

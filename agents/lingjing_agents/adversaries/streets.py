@@ -98,9 +98,9 @@ class StreetSweeper:
             van = next((name for name in event.entities if name in self._load), None)
             stop = next((name for name in event.entities if name in self._demand), None)
             if event.kind == "deliver" and van and stop:
-                given = min(self._load[van], self._demand[stop])
-                self._load[van] -= given
-                self._demand[stop] -= given
+                delivered_kg = min(self._load[van], self._demand[stop])
+                self._load[van] -= delivered_kg
+                self._demand[stop] -= delivered_kg
                 if self._load[van] <= 0.0:
                     emptied.add(van)
             elif event.kind == "restock" and van:
