@@ -311,7 +311,7 @@ def test_each_switch_of_the_nine_missions_can_be_set_alone(name: str) -> None:
     (tier,) = compiled.tiers
     base = instantiate(compiled, seed=1)
     switches = {each.name for each in compiled.parameters if each.is_switch}
-    numbers = {"upr": {"leaks", "guidance_steps"}, "cd": {"points"}}.get(name, set())
+    numbers = {"upr": {"leaks", "guidance_steps"}, "cd": {"points"}, "vdn": {"side", "search_ticks"}}.get(name, set())
     assert {setting.name for setting in tier.settings} == switches - {"life"} | numbers
     for name in switches:
         alone = instantiate(compiled, seed=1, settings={name: 1.0})
