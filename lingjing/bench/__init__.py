@@ -14,7 +14,7 @@ Modules in the order of a run:
 - `money`        estimates model calls, their price and their duration
 - `model_check`  makes one real request in each column, before a suite
 - `executors`, `on_ray`  play episodes in local processes or on a Ray cluster
-- `countdown`    estimates the remaining time and cost; `memory_watch` measures the memory of an episode
+- `countdown`, `durations`  estimate the remaining time and cost; `memory_watch` measures the memory of an episode
 - `running`      plays the episodes that the folder lacks
 - `services`     waits for services that are down
 - `folder`       stores rows while the suite is played

@@ -55,6 +55,6 @@ def test_a_mission_page_shows_an_unused_camera(walk: Trace, tmp_path: Path, monk
     bare = Trace(walk.path, walk.header, blind, walk.outcome, True, walk.places)
     monkeypatch.setattr(missionpage, "_trace", lambda path, mission: bare)
     mission = lingjing.compile(next(path for path in shipped_missions() if path.stem == "vdn"))
-    page = missionpage.write_page(mission, [walk.path], None, tmp_path).read_text(encoding="utf-8")
+    page = missionpage.write_page(mission, [walk.path], (), tmp_path).read_text(encoding="utf-8")
     assert "(vdn-dog-front.jpg)" in page and "drawn after the episode" in page
     assert (tmp_path / "vdn-dog-front.jpg").stat().st_size > 5000

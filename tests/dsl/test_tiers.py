@@ -181,6 +181,10 @@ def test_a_faulty_limit_param_or_expectation_beside_a_tier_is_an_error(line: str
     assert diagnostic.code == code and message in diagnostic.message
 
 
+def test_a_number_of_a_tier_that_is_too_large_is_one_error() -> None:
+    assert len(compile_text(text(tier="tier 1e999 { layout }")).diagnostics) == 1
+
+
 def test_two_lines_without_a_condition_stay_an_error() -> None:
     twice = text().replace("speed <= 5 m/s when layout and light", "speed <= 5 m/s")
     assert [each.code for each in compile_text(twice).diagnostics] == ["LJ0103"]

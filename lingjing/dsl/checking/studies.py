@@ -59,6 +59,8 @@ class StudyChecker(DeclarationChecker):
 
     def tier(self, node: s.TierBlock) -> model.Tier | None:
         """`tier 1 { claims, victims = 4 }`: a switch that is named alone is set to `true`."""
+        if isinstance(node.level, s.Broken):  # `tier 1e999`: its error is already reported
+            return None
         level = int(node.level.value)
         if node.level.unit or level != node.level.value or not 1 <= level <= PLAYED:
             reserved = f"; 2 to {HIGHEST} are reserved" if 2 <= level <= HIGHEST else ""

@@ -547,7 +547,7 @@ Term = ShareTerm | LeastTerm | WithinTerm | SeedsTerm | SettingsTerm
 class TierBlock(Statement, frozen=True, gc=False):
     """`tier 1 { claims, victims = 4 }`."""
 
-    level: NumberLiteral
+    level: NumberLiteral | Broken
     block: BracedBlock
 
 
