@@ -277,7 +277,7 @@ class AdversaryRun:
         return known.hours(self.left(), self.run.executor.jobs) * SECONDS_AN_HOUR
 
     def _next(self, cell: SuiteCell) -> list[SuiteEpisode]:
-        """Return the next fresh episodes of a cell: as many as every path to a verdict has, so none is in vain."""
+        """Return the next fresh episodes of a cell: as many as every path to a verdict has, and one for each job."""
         result = self.result(cell.column_name)
         to_failure = self.plan[-1].wins + 1 - result.won
         count = max(self.run.executor.jobs, min(self._to_look(result), to_failure))
