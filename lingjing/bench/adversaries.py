@@ -331,7 +331,8 @@ def chosen(matrix: AdversaryMatrix, columns: Sequence[str], adversaries: Sequenc
         for name in names:
             if name not in known[option]:
                 of_mission = [each for each in known[option] if each.partition("-")[0] == name]
-                hint = f"did you mean {' or '.join(of_mission)}?" if of_mission else did_you_mean(name, known[option])
+                usual = did_you_mean(name, known[option], option)
+                hint = f"did you mean {' or '.join(of_mission)}?" if of_mission else usual
                 raise UsageError(f"--{option} {name}: the matrix has no such name", hint=hint)
     kept = []
     for each in matrix.adversaries:

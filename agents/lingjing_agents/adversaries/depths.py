@@ -4,7 +4,7 @@ It has the rules of the heuristic inside. Its pictures are black, and its detect
 along the public lines of the mission's text. At tier 0 a gap in a deck, spray and vehicles are plain there.
 
 - a fracture: the part of the bridge where the depth is that of the water;
-- a leak: what stands beside the pipe and is as high as spray;
+- a leak: a body beside the pipe that is as high as spray;
 - a jam: bodies of the size of vehicles.
 """
 
@@ -21,14 +21,13 @@ import numpy.typing as npt
 
 from lingjing.plugins.geometry import world_to_pixel
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Picture, Policy
+from lingjing_agents.adversaries.guesses import black
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.heuristic.policy import HeuristicPolicy
 from lingjing_agents.heuristic.target_types import ANY_VEHICLE, Detector
 from lingjing_agents.perception.depth_points import heights
-from lingjing_agents.perception.images import opencv
+from lingjing_agents.perception.images import FloatArray, opencv
 from lingjing_agents.perception.people_at_sea import FoundBox
-
-FloatArray = npt.NDArray[np.float64]
 
 BRIDGE: tuple[GroundPoint, ...] = ((-150.0, 0.0), (400.0, 30.0), (1000.0, 20.0))
 PIPE: tuple[GroundPoint, ...] = ((-60.0, -40.0), (-60.0, 40.0), (20.0, 40.0), (20.0, -30.0), (60.0, -30.0))
@@ -36,7 +35,7 @@ PIPE: tuple[GroundPoint, ...] = ((-60.0, -40.0), (-60.0, 40.0), (20.0, 40.0), (2
 DECK_M = 12.0
 """Elevation of the deck, metres (from the mission's text)."""
 STRIDE_PX = 2
-"""Every how many pixels the depth is read (chosen)."""
+"""Sampling interval of the depth image, pixels (chosen)."""
 BESIDE_M = 4.0
 """Half of the deck's width that is read, metres (chosen: inside of the railings)."""
 BIN_M = 0.5
@@ -85,15 +84,12 @@ class DepthReader:
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Return the heuristic's decision on pictures without colours and classes."""
-        pictures = tuple(
-            replace(picture, rgb=np.zeros_like(picture.rgb), jpeg=b"", semantic=None)
-            for picture in observation.pictures
-        )
+        pictures = tuple(replace(black(picture), depth=picture.depth) for picture in observation.pictures)
         return await self._wrapped.act(replace(observation, pictures=pictures), inbox)
 
 
 def find_gap(picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
-    """Return the box of the part of the deck where the picture shows what lies below it."""
+    """Return the box of the part of the deck where the picture shows the water below."""
     points = _points(picture)
     if points is None:
         return ()
@@ -145,14 +141,11 @@ def find_vehicles(picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
         return ()
     mask = (points[2] > VEHICLE_M[0]) & (points[2] < VEHICLE_M[1])
     return tuple(
-        box
-        for box, sides_m, _ in _things(picture, points, mask)
-        if VEHICLE_LONG_M[0] < max(sides_m) < VEHICLE_LONG_M[1] and VEHICLE_WIDE_M[0] < min(sides_m) < VEHICLE_WIDE_M[1]
+        thing.box
+        for thing in _things(picture, points, mask)
+        if VEHICLE_LONG_M[0] < max(thing.sides_m) < VEHICLE_LONG_M[1]
+        and VEHICLE_WIDE_M[0] < min(thing.sides_m) < VEHICLE_WIDE_M[1]
     )
-
-
-def _colourless(picture: Picture) -> Picture:
-    return replace(picture, rgb=np.zeros_like(picture.rgb), jpeg=b"", semantic=None)
 
 
 def _points(picture: Picture) -> FloatArray | None:

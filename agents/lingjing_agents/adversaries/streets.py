@@ -13,6 +13,7 @@ from itertools import pairwise
 
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation
 from lingjing.plugins.roads import read_road_map
+from lingjing_agents.adversaries.ids import FIRST_KG, OTHERS_KG
 from lingjing_agents.capability import drive
 from lingjing_agents.ground_plane import GroundPoint
 
@@ -28,8 +29,8 @@ SPEED_MPS, START_S, TICK_S = 11.5, 3.0, 20.0
 """A van's speed on a street, the seconds of its start, and a tick of the mission (from its text)."""
 OTHERS_SHARE = 0.3
 """Value of a cell in another van's share (chosen)."""
-LOAD_KG, FIRST_KG, OTHERS_KG = 200.0, 250.0, 100.0
-"""A van's load, and the demands of the first stop and of the others (from the mission's text)."""
+LOAD_KG = 200.0
+"""A van's load (from the mission's text)."""
 
 Cell = tuple[int, int]
 

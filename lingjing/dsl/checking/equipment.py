@@ -89,10 +89,7 @@ class EquipmentChecker(DeclarationChecker):
             if line.name.text != "channels":
                 self.report.at("LJ0307", line.guard or line, f"`{line.name.text}` cannot depend on a condition")
                 continue
-            bare = s.BracedBlock(line.start, line.end, (msgspec.structs.replace(line, guard=None),))
-            entries = self.blocks.read(bare, keys, f"the camera `{node.name.text}`")
-            guard = self.settings.guard(line.guard)
-            if entries and guard is not None:
+            for entries, guard in self.settings.guarded_lines((line,), keys, f"the camera `{node.name.text}`"):
                 yield model.OtherChannels(channels=_channels(entries["channels"]), when=guard)
 
     def _preset(self, node: s.CameraBlock) -> dict[str, PropertyEntry]:

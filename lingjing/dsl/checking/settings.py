@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Literal
 
 import msgspec
@@ -144,17 +144,28 @@ class SettingsChecker(DeclarationChecker):
         *,
         lenient: bool = False,
     ) -> tuple[model.Alternative, ...]:
-        """Lines with `when`: each is checked like a line without, and `lower` gives its properties."""
-        made = []
+        """Lines with `when`, as `guarded_lines` checks them; `lower` gives the properties of each."""
+        checked = self.guarded_lines(lines, keys, what, environment, lenient=lenient)
+        return tuple(model.Alternative(properties=lower(entries), when=guard) for entries, guard in checked)
+
+    def guarded_lines(
+        self,
+        lines: Iterable[s.PropertyLine],
+        keys: dict[str, PropertyKey],
+        what: str,
+        environment: Environment = STATIC,
+        *,
+        lenient: bool = False,
+    ) -> Iterator[tuple[dict[str, PropertyEntry], model.Guard]]:
+        """Check lines with `when` like lines without, and yield the entry and the condition of each correct one."""
+        optional = {name: msgspec.structs.replace(key, required=False) for name, key in keys.items()}
         for line in lines:
             bare = msgspec.structs.replace(line, guard=None)
             block = s.BracedBlock(line.start, line.end, (bare,))
-            required = {name: msgspec.structs.replace(key, required=False) for name, key in keys.items()}
-            entries = self.blocks.read(block, required, what, environment=environment, lenient=lenient)
+            entries = self.blocks.read(block, optional, what, environment=environment, lenient=lenient)
             guard = self.guard(line.guard)
             if entries and guard is not None:
-                made.append(model.Alternative(properties=lower(entries), when=guard))
-        return tuple(made)
+                yield entries, guard
 
     def mode(self, node: s.ModeLine) -> model.Modes | None:
         """Check the statement `mode default in { … }`."""
