@@ -47,6 +47,7 @@ LEAST_SHARE = 0.05
 
 NOT_KEPT = "its trace was not kept (`bench --keep` keeps traces)"
 REMOVED = "its trace was removed"
+REMOVED_SINCE = "its trace was removed after an earlier audit had confirmed it (--keep-marks)"
 NO_TRACE = "its episode has no trace: the policy failed before it began"
 OTHER_CODE = "it was played with other code, so that only its own replay confirms it (--share 1)"
 NOT_SHIPPED = "its rules, except against other rows: its mission is not shipped (--suite FILE)"
@@ -115,6 +116,8 @@ class Auditor:
     """The published salt of a sealed split; None to leave it unchecked."""
     suite: Path | None = None
     """The suite's file; None for the shipped suite of that name."""
+    earlier: Mapping[str, AuditMark] = field(default_factory=dict)
+    """The marks of an earlier audit, by `row_sha256`, which rows keep when their traces were removed since."""
     tell: Callable[[str], None] = field(default=lambda line: None)
     """Receives a line for each checked row."""
     _rules: dict[tuple[object, ...], tuple[SuiteRow, dict[str, object]]] = field(default_factory=dict)
@@ -137,6 +140,10 @@ class Auditor:
             if row.harness != self.code and audit.marks.get(row_sha256(row)) == "checked":
                 del audit.marks[row_sha256(row)]
                 audit.unchecked[OTHER_CODE] += 1
+        wrong = {row_sha256(finding.row) for finding in audit.findings}
+        for name in {row_sha256(row) for row in counted if self._is_removed(row)} - wrong:
+            if name in self.earlier:
+                audit.marks[name] = self.earlier[name]
         return audit
 
     def _repeated_traces(self, rows: Sequence[SuiteRow]) -> Iterator[Finding]:
@@ -200,8 +207,8 @@ class Auditor:
         path = self.folder / row.report.trace
         if not fault and not row.report.trace:
             reason = NO_TRACE if not row.report.digest else NOT_KEPT
-        elif not fault and not _is_there(path):
-            reason = REMOVED
+        elif not fault and self._is_removed(row):
+            reason = REMOVED_SINCE if row_sha256(row) in self.earlier else REMOVED
         else:
             reason = ""
             fault = fault or self._trace_fault(row, path, audit)
@@ -212,6 +219,9 @@ class Auditor:
         else:
             audit.marks[row_sha256(row)] = "checked"
         self.tell(f"{named(row)}: {fault or reason or 'confirmed by its trace'}")
+
+    def _is_removed(self, row: SuiteRow) -> bool:
+        return bool(row.report.trace) and not _is_there(self.folder / row.report.trace)
 
     def _trace_fault(self, row: SuiteRow, path: Path, audit: Audit) -> str:
         """Return the first difference between a row and its trace; "" if there is none."""

@@ -31,6 +31,9 @@ RESULTS = "results.parquet"
 PARTS = "parts"
 """The subfolder of single rows."""
 
+RUNS = "runs"
+"""The subfolder of kept runs."""
+
 MOST_PARTS = 256
 """The number of parts that triggers joining. Chosen."""
 
@@ -141,19 +144,23 @@ class ResultsFolder:
         self.add(row)
 
     def put_aside(self, mission: str) -> Path:
-        """Move the rows of a mission into a file of their own, and return its path.
+        """Move the rows of a mission into a file of their own, and return its path. Kept runs move into a folder of the
+        same name.
 
-        The file is written first, so a kill loses no row. Rows that lie aside already are never replaced: other rows of
-        the same episodes get another file.
+        The runs are moved first and the file is written next, so a kill loses nothing, and the same call continues.
+        Rows that lie aside already are never replaced: other rows of the same episodes get another file.
         """
         own = [row for row in self.rows if row.mission == mission]
         stem = f"results-{plain_name(mission, 60)}-{own[0].mission_sha256[:12] or 'old'}"
-        for name in (f"{stem}{'' if number == 1 else f'-{number}'}{_SUFFIX}" for number in count(1)):
-            aside = self.folder / name
+        for name in (f"{stem}{'' if number == 1 else f'-{number}'}" for number in count(1)):
+            aside = self.folder / f"{name}{_SUFFIX}"
+            moved = [_with_run_in(row, name) for row in own]
             there = {row.key: row for row in read_rows(aside)} if aside.is_file() else {}
-            if all(there.get(row.key, row) == row for row in own):
+            if all(there.get(row.key, row) == row for row in moved):
                 break
-        self._write(aside, encode_rows(list({**there, **{row.key: row for row in own}}.values())))
+        for before, after in zip(own, moved, strict=True):
+            self._move_run(before.report.trace, after.report.trace)
+        self._write(aside, encode_rows(list({**there, **{row.key: row for row in moved}}.values())))
         self.rows = [row for row in self.rows if row.mission != mission]
         self._write(self.folder / RESULTS, encode_rows(self.rows))
         while self._parts:
@@ -205,6 +212,17 @@ class ResultsFolder:
             with suppress(OSError):  # the next write reports it
                 (self.folder / PARTS).mkdir()
 
+    def _move_run(self, before: str, after: str) -> None:
+        """Move the folder of a kept trace to that of its new path; a run that is gone or was moved stays as it is."""
+        source, target = (self.folder / Path(trace).parent for trace in (before, after))
+        if before == after or not source.is_dir():
+            return
+        try:
+            target.parent.mkdir(exist_ok=True)
+            source.rename(target)
+        except OSError as error:
+            raise UsageError(f"cannot move `{source}` to `{target}`: {error.strerror}") from error
+
     def _write(self, file: Path, content: bytes) -> None:
         if not self._is_same_folder():
             raise UsageError(
@@ -242,6 +260,14 @@ def fingerprint(salt: str) -> str:
     return hashlib.sha256(f"lingjing salt {salt}".encode()).hexdigest()[:16]
 
 
+def _with_run_in(row: SuiteRow, folder: str) -> SuiteRow:
+    """Return the row with its run, if one was kept, in another folder beside `runs`."""
+    top, _, rest = row.report.trace.partition("/")
+    if top != RUNS or ".." in Path(rest).parts:
+        return row
+    return msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, trace=f"{folder}/{rest}"))
+
+
 def _with_iou(row: SuiteRow, trace: Path) -> SuiteRow:
     from lingjing.analysis.attention import attention_beside
 
@@ -261,6 +287,7 @@ def _merged(files: list[Path]) -> list[SuiteRow]:
 
 __all__ = [
     "RESULTS",
+    "RUNS",
     "ResultsFolder",
     "check_folder",
     "fingerprint",

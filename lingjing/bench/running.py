@@ -25,7 +25,7 @@ import msgspec
 from lingjing.bench.countdown import Countdown
 from lingjing.bench.evidence import check_rows, seal_of
 from lingjing.bench.executors import Executor
-from lingjing.bench.folder import ResultsFolder, fingerprint, policy_seed
+from lingjing.bench.folder import RUNS, ResultsFolder, fingerprint, policy_seed
 from lingjing.bench.planning import Isolation, SuiteCell, SuitePlan, options_of_cell
 from lingjing.bench.rows import (
     RowStanding,
@@ -192,11 +192,6 @@ class SuiteRun:
                 hint="choose another folder with -o, or put them aside and play again with --replay-changed "
                 "--other-code",
             )
-        if kept := [row for row in old if row.report.trace]:
-            raise UsageError(
-                f"the rows of {_listed(kept)} in `{folder}` have kept traces, which new episodes would overwrite",
-                hint="choose another folder with -o",
-            )
         return sorted({row.mission for row in old})
 
     @cached_property
@@ -238,7 +233,7 @@ class SuiteRun:
         if self.calls_from is None:
             return
         with_calls = [self._name(episode) for episode in episodes if episode.cell.player.declared.calls]
-        missing = [name for name in with_calls if not (self.calls_from / "runs" / name / CALLS_NAME).is_file()]
+        missing = [name for name in with_calls if not (self.calls_from / RUNS / name / CALLS_NAME).is_file()]
         if missing:
             raise UsageError(
                 f"{len(missing)} of {len(with_calls)} episodes have no record of model calls in `{self.calls_from}`; "
@@ -362,7 +357,7 @@ class SuiteRun:
         return msgspec.structs.replace(
             options,
             calls=self.calls,
-            calls_from=str(self.calls_from / "runs" / record) if self.calls_from is not None else "",
+            calls_from=str(self.calls_from / RUNS / record) if self.calls_from is not None else "",
             max_cost=self.max_cost,
             ledger=str(self._ledger),
         )
@@ -373,7 +368,7 @@ class SuiteRun:
         return msgspec.structs.replace(options, salt=self.salt)
 
     def _folder(self, episode: SuiteEpisode) -> Path:
-        return self.results.folder / "runs" / self._name(episode)
+        return self.results.folder / RUNS / self._name(episode)
 
     def _name(self, episode: SuiteEpisode) -> str:
         """Return the name of the run's folder, which is the same in the folder of any suite."""

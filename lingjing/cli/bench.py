@@ -67,6 +67,10 @@ def add_options(parser: ArgumentParser) -> None:
     audit.add_argument(
         "--trust", metavar="PLUGIN", nargs="+", help="let the code of these plug-ins run in this command"
     )
+    audit.add_argument(
+        "--keep-marks", action="store_true",
+        help="keep the marks of your earlier audit for rows whose traces were removed since",
+    )  # fmt: skip
     audit.set_defaults(handler=_audit)
     board = actions.add_parser("leaderboard", help="write a page that ranks entrants", description=_leaderboard.__doc__)
     _add_results(board)
@@ -398,7 +402,7 @@ def _audit(args: argparse.Namespace) -> int:
     import msgspec
 
     from lingjing.bench.auditing import LEAST_SHARE, Auditor
-    from lingjing.bench.evidence import audit_file, audited_in_words, named
+    from lingjing.bench.evidence import audit_file, audited_in_words, named, read_audit
     from lingjing.bench.folder import read_results, write_whole
     from lingjing.bench.rows import code_sha256
     from lingjing.installed_plugins.discovery import trusting
@@ -412,9 +416,15 @@ def _audit(args: argparse.Namespace) -> int:
     if salt is not None and not any(row.split_sha256 for row in rows):
         raise UsageError(f"--salt {args.salt}: the rows are of public seeds, which no salt has drawn")
     code = code_sha256(())
+    earlier = read_audit(args.results) if args.keep_marks else None
+    if args.keep_marks and earlier is None:
+        raise UsageError(
+            f"--keep-marks: there is no audit beside `{args.results}`", hint="audit the kept traces without it first"
+        )
     with trusting(args.trust or ()):
         suite = _suite_of(rows, args.suite) if args.suite else None
-        audit = Auditor(folder, code, args.share, args.sample_seed, salt, suite, say).audit(rows)
+        known = earlier.rows if earlier is not None else {}
+        audit = Auditor(folder, code, args.share, args.sample_seed, salt, suite, known, say).audit(rows)
     print(f"{audited_in_words(rows, audit.marks)}; {len(audit.findings)} wrong")
     for reason, number in audit.unchecked.most_common():
         print(f"not checked: {number} {'row' if number == 1 else 'rows'}: {reason}")

@@ -113,6 +113,28 @@ def test_honest_rows_are_confirmed(results: Path, played: Path, capsys: pytest.C
     assert (code, out.count("not checked")) == (ExitCode.OK, 0), out
 
 
+def test_an_audit_keeps_earlier_marks_of_removed_traces_on_request(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command(["bench", "audit", str(results), "--keep-marks"]) == ExitCode.USAGE
+    assert "there is no audit beside" in capsys.readouterr().err
+    assert audited(results, capsys, "--share", "0.5")[0] == ExitCode.OK
+    before = read_audit(results)
+    assert before is not None
+    removed, edited, *_ = (row for row in read_results(results) if row.entrant == "idle")
+    for row in (removed, edited):
+        (results / row.report.trace).unlink()
+    rewrite(results, lambda row: msgspec.structs.replace(row, wall_s=1.0) if row.key == edited.key else row)
+    code, out = audited(results, capsys, "--keep-marks")
+    assert code == ExitCode.OK and "audited: 5 of 6 rows" in out, "an edited row has no earlier mark"
+    assert "not checked: 1 row: its trace was removed after an earlier audit had confirmed it" in out
+    assert "not checked: 1 row: its trace was removed\n" in out
+    kept = read_audit(results)
+    assert kept is not None and kept.rows[row_sha256(removed)] == before.rows[row_sha256(removed)]
+    code, out = audited(results, capsys)
+    assert "audited: 4 of 6 rows" in out, "without the option nothing of the earlier audit counts"
+
+
 def test_a_sealed_split_draws_other_instances_and_names_its_salt(
     played: Path, results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

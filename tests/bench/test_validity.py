@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import re
+import shutil
 import signal
 import sys
 import time
@@ -17,6 +18,7 @@ from types import SimpleNamespace
 import msgspec
 import pytest
 
+from lingjing.bench.rows import SuiteRow
 from lingjing.bench.validity.pages import readme_rows, tables
 from lingjing.bench.validity.program import read_program
 from lingjing.bench.validity.record import (
@@ -420,19 +422,44 @@ def test_studies_of_two_versions_of_a_mission_give_no_record(
         make_record("tiny", studies)
 
 
-def test_rows_with_kept_traces_are_not_put_aside(place: Path, tasks: AnsweringExecutor, capsys: Capture) -> None:
-    assert run_command(command(place, "--limit", "1")) == ExitCode.OK
-    file = place / "out" / "redrawn-tier1" / "results.parquet"
-    rows = [
-        msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, trace="runs/a/trace.mcap"))
-        for row in read_results(file)
-    ]
-    file.write_bytes(encode_rows(rows))
+def test_kept_runs_of_a_changed_mission_move_with_their_rows(place: Path, tasks: AnsweringExecutor) -> None:
+    """Also after a kill between the moves and the file of the rows."""
+    line = command(place, "--limit", "1", "--parts", "redrawn", "--replay-changed", "--other-code")
+    assert run_command(line) == ExitCode.OK
+    study = place / "out" / "redrawn-tier1"
+    (row,) = read_results(study)
+
+    def with_trace(trace: str) -> SuiteRow:
+        return msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, trace=trace))
+
+    name = f"results-trip-{row.mission_sha256[:12]}"
+    for is_killed in (False, True):
+        (study / "results.parquet").write_bytes(encode_rows([with_trace("runs/a/trace.mcap")]))
+        shutil.rmtree(study / name, ignore_errors=True)
+        (study / f"{name}.parquet").unlink(missing_ok=True)
+        run = study / (f"{name}/a" if is_killed else "runs/a")
+        run.mkdir(parents=True)
+        (run / "trace.mcap").write_text("a trace")
+        (place / "trip.ljs").write_text(f"{TIERED}# changed {is_killed}\n")
+        assert run_command(line) == ExitCode.OK
+        assert read_results(study / f"{name}.parquet") == [with_trace(f"{name}/a/trace.mcap")]
+        assert (study / name / "a" / "trace.mcap").read_text() == "a trace" and not (study / "runs" / "a").exists()
+
+
+def test_a_trace_outside_of_the_runs_is_never_moved(place: Path, tasks: AnsweringExecutor) -> None:
+    line = command(place, "--limit", "1", "--parts", "redrawn", "--replay-changed", "--other-code")
+    assert run_command(line) == ExitCode.OK
+    study = place / "out" / "redrawn-tier1"
+    (row,) = read_results(study)
     (place / "trip.ljs").write_text(f"{TIERED}# changed\n")
-    capsys.readouterr()
-    assert run_command(command(place, "--replay-changed", "--other-code", "--parts", "redrawn")) == ExitCode.USAGE
-    assert "have kept traces, which new episodes would overwrite" in capsys.readouterr().err
-    assert file.read_bytes() == encode_rows(rows)
+    foreign = msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, trace="runs/../../mine/t.mcap"))
+    (study / "results.parquet").write_bytes(encode_rows([foreign]))
+    (place / "out" / "mine").mkdir()
+    (study / "runs").mkdir(exist_ok=True)
+    assert run_command(line) == ExitCode.OK
+    assert (place / "out" / "mine").is_dir()
+    (aside,) = study.glob("results-trip-*.parquet")
+    assert read_results(aside) == [foreign]
 
 
 @pytest.mark.slow
