@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.analysis.completion import sought_targets
 from lingjing.analysis.detection import shots
 from lingjing.errors import UsageError
 from lingjing.plugins.frame_detector import UnitBox
@@ -61,7 +62,7 @@ def _real(kind: np.dtype[np.generic]) -> bool:
 
 def attention_iou(trace: Trace, maps: Mapping[str, AttentionMap]) -> float | None:
     """Return the mean IoU over the visible targets of all pictures that have a map, or None if there are none."""
-    targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
+    targets = sought_targets(trace.header.instance)
     values = [
         box_iou(maps[frame.id], truth.box)
         for frame in shots(trace)

@@ -9,9 +9,10 @@ be used, because thousandths and pixels are no valid shares.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 
+from lingjing.analysis.completion import judged_targets
 from lingjing.analysis.detection import OVERLAP, MatchedReport, detect, iou
 from lingjing.analysis.memo import cache_by_trace
 from lingjing.plugins.frame_detector import UnitBox
@@ -42,7 +43,7 @@ class ConventionError:
 @cache_by_trace
 def convention_errors(trace: Trace) -> tuple[ConventionError, ...]:
     """Return the boxes of a trace that would match a target under another convention, in order of boundaries."""
-    targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
+    targets = judged_targets(trace.header.instance)
     errors = (_error(trace, targets, *written) for written in _unmatched(trace))
     return tuple(error for error in errors if error is not None)
 
@@ -63,7 +64,7 @@ def _unmatched(trace: Trace) -> Iterator[tuple[int, str, str, Numbers]]:
 
 
 def _error(
-    trace: Trace, targets: set[str], tick: int, agent: str, frame: str, numbers: Numbers
+    trace: Trace, targets: Container[str], tick: int, agent: str, frame: str, numbers: Numbers
 ) -> ConventionError | None:
     info = trace.frames.get(frame)
     if info is None or not all(map(math.isfinite, numbers)):

@@ -6,6 +6,8 @@ success condition calls no rule, the mission's last stage completes it.
 
 from __future__ import annotations
 
+from collections.abc import Container
+
 from lingjing.analysis.memo import cache_by_trace
 from lingjing.mission.conditions.condition_needs import mentions
 from lingjing.mission.conditions.needs import Supply
@@ -37,6 +39,20 @@ def required_target_groups(instance: Instance) -> frozenset[str]:
         )
     last = instance.stages[-1].domain if instance.stages else None
     return frozenset({last} if last is not None else ())
+
+
+def sought_targets(instance: Instance) -> frozenset[str]:
+    """Return the targets that the mission is about: those of which success or a stage requires something, and those
+    that a report can match. Rivals, which only resemble them, and other places are none.
+    """
+    groups = {stage.domain for stage in instance.stages} | required_target_groups(instance)
+    return judged_targets(instance) | _members(instance, groups)
+
+
+def judged_targets(instance: Instance) -> frozenset[str]:
+    """Return the targets that a report can match: those that a rule compares with reports."""
+    rules = (rule for rule in instance.rules if rule.matching)
+    return _members(instance, {parameter.domain for rule in rules for parameter in rule.parameters})
 
 
 def required_mass_kg(trace: Trace) -> tuple[float, float] | None:
@@ -75,6 +91,15 @@ def completed_at(instance: Instance, record: BoundaryRecord) -> set[str]:
         return targets & {name for event in record.events if event.kind in rules for name in event.bindings}
     last = instance.stages[-1].name if instance.stages else None
     return targets & {change.subject for change in record.stages if change.stage == last}
+
+
+def _members(instance: Instance, groups: Container[str | None]) -> frozenset[str]:
+    """Return the targets of some groups, which may also be named by their ids."""
+    return frozenset(
+        entity.id
+        for entity in instance.entities
+        if entity.role == "target" and (entity.group in groups or entity.id in groups)
+    )
 
 
 def _success_rules(instance: Instance) -> set[str]:

@@ -4,6 +4,9 @@ The kernel decides which report matches which target (`adjudicate matched`, one 
 the results. A report of a kind that no matching rule compares with the truth is neither true nor false. An example is
 the report of a jam, which the engine records when the UAV is near.
 
+A target is missed if it is visible and no report matches it, and if one could: rivals, which only resemble targets, and
+places that no rule compares with reports are never missed (`completion.judged_targets`).
+
 *Aligned frames* are the pictures that an agent received which may report what they show: a driver's view is none where
 only searchers report (ADR 0053). Reference pictures are left out, because no report may name them. A mission without a
 matching rule has no aligned frames. A report counts once, whatever the number of its recipients. A target without
@@ -13,12 +16,13 @@ visible pixels is not evaluated in a frame.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
 
 import msgspec
 
+from lingjing.analysis.completion import judged_targets
 from lingjing.analysis.memo import cache_by_trace
 from lingjing.analysis.messages import admitted_messages
 from lingjing.plugins.frame_detector import UnitBox
@@ -170,8 +174,7 @@ def detect(trace: Trace) -> Detection:
             wrong.add(report.frame)
         elif report.target is not None:
             hits.setdefault(report.frame, set()).add(report.target)
-    targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
-    frames = aligned_frames(trace)
+    targets, frames = judged_targets(trace.header.instance), aligned_frames(trace)
     missed = {frame.id: len(_visible(frame, targets) - hits.get(frame.id, set())) for frame in frames}
     return Detection(
         reports=reports,
@@ -341,5 +344,5 @@ def _matches(trace: Trace) -> dict[str, str]:
     return matches
 
 
-def _visible(frame: FrameInfo, targets: set[str]) -> set[str]:
+def _visible(frame: FrameInfo, targets: Container[str]) -> set[str]:
     return {truth.entity for truth in frame.boxes if truth.pixels > 0 and truth.entity in targets}

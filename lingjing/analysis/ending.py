@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import msgspec
 
 from lingjing.analysis.clauses import condition_text, unmet_parts
-from lingjing.analysis.completion import completion_ticks
+from lingjing.analysis.completion import completion_ticks, sought_targets
 from lingjing.analysis.detection import shots
 from lingjing.analysis.families import attribute
 from lingjing.analysis.idleness import idle_steps
@@ -144,7 +144,8 @@ def _targets(trace: Trace) -> Iterator[str]:
     """Yield a line for each target that is not completed, then one line for the completed ones."""
     instance = trace.header.instance
     completed = completion_ticks(trace)
-    targets = [entity.id for entity in instance.entities if entity.role == "target"]
+    sought = sought_targets(instance)
+    targets = [entity.id for entity in instance.entities if entity.id in sought]
     for name in targets:
         if name not in completed:
             yield f"{name}: {_seen(trace, name)}{_stages(trace, name)}"

@@ -23,7 +23,7 @@ import msgspec
 
 from lingjing.analysis.behaviour import actions, behaviour
 from lingjing.analysis.box_conventions import convention_errors
-from lingjing.analysis.completion import required_mass_kg
+from lingjing.analysis.completion import judged_targets, required_mass_kg
 from lingjing.analysis.detection import Detection, detect, ratio, shots
 from lingjing.analysis.idleness import idle_fraction
 from lingjing.analysis.incidents import incidents
@@ -394,7 +394,7 @@ def _coverage(trace: Trace) -> float | None:
 
 
 def _faint(trace: Trace) -> int:
-    targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
+    targets = judged_targets(trace.header.instance)
     return sum(box.entity in targets for frame in shots(trace) for box in frame.faint)
 
 

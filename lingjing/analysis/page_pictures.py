@@ -14,6 +14,7 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw
 
+from lingjing.analysis.completion import sought_targets
 from lingjing.analysis.played_city import city_of, credit
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.mission.instance import AgentSpec, Entity, Instance
@@ -184,7 +185,7 @@ def _pilots(instance: Instance) -> dict[str, AgentSpec]:
 
 
 def _page_frame(trace: Trace, frame: FrameInfo, agent: str, drawn: bytes = b"") -> PageFrame:
-    targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
+    targets = sought_targets(trace.header.instance)
     role = next(spec.role for spec in trace.header.instance.agents if spec.id == agent)
     inside = tuple(dict.fromkeys(box.entity for box in frame.boxes if box.entity in targets and box.pixels > 0))
     return PageFrame(trace, frame, agent, role, inside, drawn)

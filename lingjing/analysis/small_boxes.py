@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from statistics import fmean
 
+from lingjing.analysis.completion import judged_targets
 from lingjing.analysis.detection import OVERLAP, MatchedReport, aligned_frames, detect, iou
 from lingjing.analysis.memo import cache_by_trace
 from lingjing.mission.expression import Binary, Call, Expr, Number, children
@@ -76,7 +77,7 @@ def _is_strict(trace: Trace, report: MatchedReport) -> bool:
 
 def chance_level(trace: Trace, tolerance: float) -> float | None:
     """Return the mean chance over the visible targets of all aligned frames, or None without one."""
-    targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
+    targets = judged_targets(trace.header.instance)
     chances = [
         chance(*sizes, (frame.pose.width, frame.pose.height), tolerance)
         for frame in aligned_frames(trace)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
+from lingjing.analysis.completion import sought_targets
 from lingjing.mission.instance import Instance
 from lingjing.trace.records import BodyState, FrameInfo, StageChange
 
@@ -17,7 +18,8 @@ from lingjing.trace.records import BodyState, FrameInfo, StageChange
 class TargetPotential:
     """The potential of a boundary: minus the mean over the targets of half the distance and half the unseen ones.
 
-    A target that has completed the last stage counts 0. An open target counts (d + u) / 2. d is its horizontal distance
+    Only targets that the mission is about count, so that nothing is gained at a rival, which only resembles them. A
+    target that has completed the last stage counts 0. An open target counts (d + u) / 2. d is its horizontal distance
     from the nearest asset, in units of `reach_m`, at most 1. u is 0 if a picture of the boundary shows it, else 1. The
     potential lies in [-1, 0]. It is computed from the truth, as a reward may be: no observation holds the distance.
 
@@ -27,7 +29,8 @@ class TargetPotential:
 
     def __init__(self, instance: Instance, reach_m: float) -> None:
         self._assets = [entity.id for entity in instance.entities if entity.role == "asset"]
-        self._targets = [entity.id for entity in instance.entities if entity.role == "target"]
+        sought = sought_targets(instance)
+        self._targets = [entity.id for entity in instance.entities if entity.id in sought]
         self._last = instance.stages[-1].name if instance.stages else ""
         self._reach_m = reach_m
         self._done: set[str] = set()

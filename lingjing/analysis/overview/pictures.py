@@ -1,8 +1,8 @@
 """The pictures of the overview: crops of the best detections, and one whole frame.
 
-True boxes are green, reported boxes magenta. Without reports, the largest views of missed targets are shown. In a
-mission without report messages, the whole frame is the last one. Reference pictures are left out, because no camera of
-an agent took them.
+True boxes of targets are green, those of rivals and other places grey, reported boxes magenta. Without reports, the
+largest views of missed targets are shown. In a mission without report messages, the whole frame is the last one.
+Reference pictures are left out, because no camera of an agent took them.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
+from lingjing.analysis.completion import sought_targets
 from lingjing.analysis.history import History
 from lingjing.analysis.overview import style
 from lingjing.errors import LingjingError
@@ -76,14 +77,14 @@ def best_views(history: History, count: int) -> list[ReportView]:
 
 
 def whole_frame(history: History) -> FrameInfo | None:
-    """Return the frame with the most targets; among equal ones, a frame that a report names.
+    """Return the frame with the most targets that the mission is about; among equal ones, a frame that a report names.
 
     If reports are not judged, frames that a report names come first. In a mission without reports it is the last frame.
     """
     if not history.reporting:
         return max(history.shots, key=lambda frame: (frame.time_s, frame.camera == FRONT), default=None)
     reported = {report.frame for report in history.reports if report.target is not None or not report.judged}
-    targets = set(history.fate)
+    targets = sought_targets(history.instance)
 
     def worth(frame: FrameInfo) -> tuple[int, bool, int]:
         visible = [truth for truth in frame.boxes if truth.entity in targets]
@@ -116,10 +117,12 @@ def draw_whole(axes: Axes, trace: Trace, history: History, frame: FrameInfo | No
         draw_nothing(axes, "no picture was taken" if frame is None else UNREADABLE)
         return
     axes.imshow(rgb, extent=(0, rgb.shape[1], rgb.shape[0], 0), interpolation="antialiased", aspect="equal")
-    targets = set(history.fate)
+    sought = sought_targets(history.instance)
     for truth in frame.boxes:
-        if truth.entity in targets:
-            _box(axes, _grown(truth.box, 0.008), rgb, style.TRUTH, "-", 1.4)
+        if truth.entity in history.fate:
+            is_sought = truth.entity in sought
+            colour, width = (style.TRUTH, 1.4) if is_sought else (style.FATES["aside"], 0.8)
+            _box(axes, _grown(truth.box, 0.008), rgb, colour, "-", width)
     for report in history.reports:
         if report.frame == frame.id and report.box is not None:
             _box(axes, _grown(report.box, 0.014), rgb, style.CLAIM, (0, (3, 2)), 1.4)
@@ -160,7 +163,7 @@ def _unjudged(history: History) -> list[ReportView]:
 
 def _missed(history: History, matched: set[str]) -> list[ReportView]:
     best: dict[str, tuple[int, ReportView]] = {}
-    lacking = set(history.fate) - matched
+    lacking = sought_targets(history.instance) - matched
     for frame in history.shots:
         for truth in frame.boxes:
             if truth.entity in lacking and truth.pixels > best.get(truth.entity, (0,))[0]:
