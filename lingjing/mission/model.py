@@ -304,6 +304,8 @@ class BodyPart(Record, frozen=True, kw_only=True):
     heading_deg: float = 0.0
     """Clockwise from the body's heading, degrees."""
     colour: str = "grey"
+    glow: float = 0.0
+    """Strength of its own light, 0..1: at 1 it is as bright as a white wall in the sun, by day and at night."""
 
 
 class Behaviour(Record, frozen=True, kw_only=True):

@@ -35,6 +35,9 @@ from lingjing.mission.units import MASS
 _MOST_KG = 1e7
 """Greatest mass, kilograms (chosen)."""
 
+_FIELDS = {"heading": "heading_deg", "glow": "glow"}
+"""The fields of a part's numbers that are no metres."""
+
 BODY_KEYS = keyed(
     *(PropertyKey(name, METRES, DRAWN, low=LEAST_M, high=MOST_M, hideable=True, public=False) for name in MEASURES),
     PropertyKey("mass", Type("quantity", MASS), DRAWN, above=0, high=_MOST_KG, hideable=True, public=False),
@@ -86,7 +89,7 @@ class BodyChecker(DeclarationChecker):
             if self._known(node.shape, SHAPES, "shape") and self._once(name, seen):
                 numbers = self._constants(entries)
                 if numbers.keys() >= set(MEASURES):
-                    units = {key: f"{key}_{'deg' if key == 'heading' else 'm'}" for key in numbers}
+                    units = {key: _FIELDS.get(key, f"{key}_m") for key in numbers}
                     made[name.text] = model.BodyPart(
                         name=name.text,
                         shape=cast("Literal['box', 'cylinder', 'sphere', 'cone']", node.shape.text),

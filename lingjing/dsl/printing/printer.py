@@ -527,3 +527,5 @@ def _part(part: model.BodyPart) -> Iterator[str]:
     if part.heading_deg:
         yield f"heading = {number_text(part.heading_deg, 'deg')}"
     yield f"colour = {part.colour}"
+    if part.glow:
+        yield f"glow = {number_text(part.glow, '')}"

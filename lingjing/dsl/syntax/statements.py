@@ -389,6 +389,7 @@ STATEMENTS = (
             *(PropertyKey(name, METRES, low=-MOST_M, high=MOST_M) for name in ("ahead", "right", "above")),
             PropertyKey("heading", DEGREES),
             PropertyKey("colour", Type("name"), choices=tuple(COLOURS)),
+            PropertyKey("glow", NUMBER, low=0, high=1),
         ),
     ),
     StatementKind(

@@ -1,4 +1,5 @@
 """Triangle meshes from primitives: (n, 10) float32 rows of position, normal, colour and gloss; three rows a triangle.
+A negative gloss is the strength of the surface's own light.
 
 Model frame: x to the right, y ahead (along the heading), z up; metres. Colours are linear RGB, 0..1. Gloss, 0..1, is
 the strength of the sun's reflection. All meshes are built once from numbers in this package, without files.

@@ -129,8 +129,11 @@ def _own_part(entity: Entity) -> ModelPart:
 
 def _part(part: BodyPart) -> ModelPart:
     mesh = solid(part.shape, part.length_m, part.width_m, part.height_m, COLOURS.get(part.colour, UNPAINTED))
+    if part.glow:
+        mesh[:, 9] = -part.glow
     place = at((part.right_m, part.ahead_m, part.above_m), part.heading_deg)
-    return ModelPart(f"{part.shape}-{part.length_m}-{part.width_m}-{part.height_m}-{part.colour}", mesh, place)
+    key = f"{part.shape}-{part.length_m}-{part.width_m}-{part.height_m}-{part.colour}-{part.glow}"
+    return ModelPart(key, mesh, place)
 
 
 def _measured(entity: Entity) -> bool:

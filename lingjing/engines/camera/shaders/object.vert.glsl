@@ -15,6 +15,7 @@ out vec3 v_shade;
 out vec2 v_leaf;              // place in the noise
 out vec3 v_rim;               // how far the surface faces the eye, and below what noise it ends; strength of the mottle
 #endif
+const float GLOWING = 2.2;    // linear light of a white surface whose own light is 1: a sunlit wall, before it is developed
 const float TURNED = -0.5;    // a normal that faces away farther than this belongs to the back of a thin thing
 void main() {
   vec4 p = vec4(in_position, 1.0);
@@ -26,15 +27,17 @@ void main() {
   float facing = dot(n, v);
   n = facing < TURNED ? -n : normalize(n - min(facing, 0.0) * v);
   vec3 sun = in_colour.rgb * max(dot(n, u_sun), 0.0), rest = in_colour.rgb * u_skylight * (0.62 + 0.38 * n.z);
+  rest += in_colour.rgb * max(-in_colour.a, 0.0) * GLOWING;
   float kept = exp2(-u_fog * range);
 #ifdef DULL
   float green = clamp(8.0 * (in_colour.g / max(in_colour.r, 0.001) - 1.1), 0.0, 1.0);
   v_leaf = world.xy * 0.29 + world.z * vec2(0.19, 0.23);
   v_rim = vec3(facing, 0.55 * green, mix(0.3, 1.1, green) * kept);
 #else
-  float shine = pow(max(dot(n, normalize(v + u_sun)), 0.0), 40.0) * in_colour.a;
+  float gloss = max(in_colour.a, 0.0);
+  float shine = pow(max(dot(n, normalize(v + u_sun)), 0.0), 40.0) * gloss;
   sun += shine * 0.6;
-  rest += sky_of(reflect(-v, n)) * in_colour.a * 0.08;
+  rest += sky_of(reflect(-v, n)) * gloss * 0.08;
 #endif
   v_sunned = u_sunlight * sun * kept;
   v_rest = rest * kept + u_haze * (1.0 - 0.6 * max(v.z, 0.0)) * (1.0 - kept);
