@@ -98,7 +98,8 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     the truth are neither detections nor false."""
     misses: Annotated[int, "perception"]
     """Visible targets that no report matched, summed over **all pictures**: a person found in one picture and
-    overlooked in another counts once as found and once as missed."""
+    overlooked in another counts once as found and once as missed. Rivals and other places, which no report can match,
+    are never missed."""
     precision: Annotated[float | None, "perception"]
     """Detections over detections and false reports. N/A, like all rates of perception, if no rule of the mission judges
     reports. Reference pictures are left out of all these rates."""

@@ -20,6 +20,7 @@ COLOURS: Mapping[str, LinearRgb] = {
     "brown": (0.22, 0.10, 0.05),
     "black": (0.03, 0.03, 0.03),
     "pink": (0.72, 0.30, 0.36),
+    "amber": (0.85, 0.13, 0.02),
 }
 """The colours that a type, a part or a building can have, by name."""
 

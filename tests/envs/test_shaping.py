@@ -55,6 +55,12 @@ def test_half_of_the_potential_is_a_picture_of_the_target(potential: Any) -> Non
     assert potential.of(states(40.0), [picture("fracture")]) == pytest.approx(unseen + 0.5)
 
 
+def test_a_rival_does_not_attract() -> None:
+    """At tier 1 joints, patches and plates lie on the bridge; a drone above them gains nothing."""
+    hard: Any = FlatParallelEnv("bi", world="inline", tier=1)
+    assert hard._potential._targets == ["fracture"]
+
+
 def test_a_completed_target_has_a_potential_of_zero(potential: Any) -> None:
     potential.note([StageChange(stage="detect", subject="fracture", tick=1, time_s=10.0)])
     assert potential.of(states(100.0), ()) < 0.0
