@@ -11,7 +11,7 @@ from lingjing.scene.camera_geometry import heading_vector
 from lingjing.scene.city import Building, Slope
 from lingjing.scene.districts.draft import KERB_M, Draft
 from lingjing.scene.districts.palette import FACADES, WALLS, roof_colour, vary
-from lingjing.scene.districts.rectangles import Rect, around
+from lingjing.scene.districts.rectangles import Rect, around, bounds
 
 SIDEWALK_M = 3.5
 """Width of a sidewalk, metres (chosen)."""
@@ -25,6 +25,8 @@ STEP_M = 0.12
 BAY_M = (2.6, 5.2)
 """Width and length of a parking bay, metres (chosen)."""
 
+CANOPY_M = (2.30, 1.15, 2.62, 2.76)
+"""Width, depth and elevations of a canopy, metres: those of the one over the door of a house (`facade_meshes`)."""
 SIDES = {"south": 180.0, "east": 90.0, "north": 0.0, "west": 270.0}
 """Outward bearing of each side of a box, degrees."""
 
@@ -71,6 +73,18 @@ def erect(
     )
     draft.building(building)
     return building
+
+
+def canopies(draft: Draft, building: Building) -> None:
+    """Build a canopy like that over the door in the middle of each side of a rectangular building without the door."""
+    box = bounds(building.polygon)
+    for side in SIDES:
+        x, y, bearing = _entrance(box, side)
+        if building.entrance is not None and bearing == building.entrance[2]:
+            continue
+        out, along = heading_vector(bearing), heading_vector(bearing + 90.0)
+        outline = _quad(x, y, out, along, (0.0, CANOPY_M[1]), (-0.5 * CANOPY_M[0], 0.5 * CANOPY_M[0]))
+        draft.solid("canopy", outline, building.base_m + CANOPY_M[2], building.base_m + CANOPY_M[3], "wood")
 
 
 def doorstep(draft: Draft, entrance: tuple[float, float, float], chance: Random) -> None:

@@ -41,6 +41,9 @@ class DistrictPlan:
     homes: Polygon = ()
     """Outline of an area with blocks of dwellings of different colours, in any kind of district; empty without
     one."""
+    detached: bool = False
+    """True if those dwellings are small houses in gardens, with a canopy on each side, not long ones. In a depth image
+    from above a door is then one canopy of four."""
     pipeline: Polygon = ()
     """Line of the pipeline; empty without one."""
     shore: Polygon = ()
@@ -88,6 +91,7 @@ def plan(spec: SceneSpec) -> DistrictPlan:
         outskirts_m=kind.outskirts_m,
         inside=_line(spec, "inside"),
         homes=_line(spec, "homes"),
+        detached=_number(spec, "detached", 0.0) > 0.0,
         pipeline=_line(spec, "pipeline"),
         shore=shore,
         bridge=_line(spec, "bridge"),
