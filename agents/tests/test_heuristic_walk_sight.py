@@ -68,6 +68,16 @@ def test_red_and_orange_buildings_are_not_flames(name: str):
     assert find_fires_ahead(load(name), STREET) == ()
 
 
+@pytest.mark.parametrize("side", [14, 60])
+def test_a_lamp_has_the_colours_of_flames_and_is_smooth(side: int) -> None:
+    picture = np.full((720, 1280, 3), (90, 95, 100), np.uint8)
+    picture[420 - 2 * side : 420, 600 : 600 + side] = (242, 150, 48)
+    assert find_fires_ahead(picture, STREET) == ()
+    uneven = np.random.default_rng(1).integers(-25, 26, (2 * side, side))
+    picture[420 - 2 * side : 420, 600 : 600 + side, 1] += uneven.astype(np.uint8)
+    assert len(find_fires_ahead(picture, STREET)) == 1
+
+
 def test_a_tank_close_ahead_is_a_wall_and_open_ground_is_none():
     walls = near_walls(load("walk_flames_near.jpg"), NEAR)
     ahead = [turn_deg(NEAR.heading_deg, math.degrees(math.atan2(x - NEAR.position[0], y - NEAR.position[1])))

@@ -42,6 +42,17 @@ def test_mounts_and_parts_are_values_of_the_group(small: str) -> None:
     assert {"length_m", "width_m", "height_m", "colour"} <= names and "look" not in names
 
 
+def test_a_part_can_glow(small: str) -> None:
+    text = with_type(small, BUOY.replace("colour = red", "colour = amber, glow = 0.5"))
+    (lamp,) = group_of(text).parts
+    assert (lamp.colour, lamp.glow) == ("amber", 0.5)
+    compilation = compile_text(text)
+    assert compilation.mission is not None
+    assert round_trip_losses(compilation.mission, to_ljs(compilation.mission)) == ()
+    bright = compile_text(text.replace("glow = 0.5", "glow = 2"))
+    assert [item.code for item in bright.diagnostics if item.severity == "error"] == ["LJ0206"]
+
+
 def test_a_type_keeps_the_look_of_its_base_unless_its_body_differs(small: str) -> None:
     def look(extra: str) -> set[str]:
         text = f"target beacon : person_in_water {{\n{extra}\n}}\n"

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from math import atan2, degrees
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -12,6 +13,7 @@ from lingjing.mission.instance import EventSpec, Weather
 from lingjing.plugins.engine import BodyState
 from lingjing.plugins.geometry import pixel_to_world
 from lingjing.scene.city import Building
+from lingjing.testing.declarations import BodyPart
 from tests.engines.camera_town import (
     CLASSES,
     SIZE,
@@ -55,6 +57,24 @@ def test_pixels_have_the_class_and_depth_of_the_object_that_they_show(engine: Ca
     aside = look(engine, (170.0, 5.0, 60.0))
     assert seen_at(aside, 120.0, 0.0, 0.0)[0] == CLASSES["grass"]
     assert seen_at(aside, 170.0, 5.0, 0.0)[0] == CLASSES["sidewalk"], "the later area lies on the earlier one"
+
+
+def test_a_part_that_glows_is_as_bright_at_night_as_by_day(engine: CameraEngine) -> None:
+    """A part of the same colour without light of its own is dark at night; a glow lights nothing else."""
+    measures: dict[str, Any] = {"shape": "box", "length_m": 6.0, "width_m": 6.0, "height_m": 2.0, "colour": "amber"}
+    lamps = [
+        entity(name, "lamp", (east, 0.0, 0.0), properties={"look": "none"},
+               parts=(BodyPart(name="light", above_m=1.0, glow=glow, **measures),))
+        for name, east, glow in (("dull", -12.0, 0.0), ("bright", 12.0, 0.8))
+    ]  # fmt: skip
+    shown = {}
+    for sun in (40.0, -12.0):
+        ready(engine, instance(*lamps, weather=Weather(sun_elevation_deg=sun, sun_azimuth_deg=180.0)))
+        frame = look(engine, (0.0, 0.0, 60.0))
+        shown[sun] = [seen_at(frame, east, 0.0, 2.0)[2] for east in (-12.0, 12.0, 20.0)]
+    (dull_day, bright_day, _), (dull, bright, beside) = shown[40.0], shown[-12.0]
+    assert bright[0] > 230 and bright[0] - bright[2] > 110 and abs(int(bright[0]) - int(bright_day[0])) < 15
+    assert dull[0] < 90 < dull_day[0] and beside.max() < 90
 
 
 def test_a_tunnel_does_not_show(engine: CameraEngine) -> None:

@@ -122,6 +122,14 @@ def test_the_smallest_body_has_faces_to_draw(shape: str, measure: float) -> None
         assert len(vertices) and np.isfinite(vertices).all()
 
 
+def test_a_part_that_glows_has_light_of_its_own_and_a_mesh_of_its_own() -> None:
+    sizes: dict[str, Any] = {"name": "lamp", "shape": "sphere", "length_m": 1.0, "width_m": 1.0, "height_m": 1.0}
+    parts = BodyPart(**sizes), BodyPart(**sizes, glow=0.4)
+    dull, bright = entity_parts(thing("lamps", parts=parts, properties={"look": "none"}), state(thing("lamps")), 0.0)
+    assert dull.key != bright.key
+    assert (dull.mesh[:, 9] == 0.0).all() and np.allclose(bright.mesh[:, 9], -0.4)
+
+
 def test_parts_of_a_type_are_drawn_at_their_declared_place_beside_its_look() -> None:
     crate = BodyPart(name="crate", shape="box", length_m=2.0, width_m=1.0, height_m=0.5, ahead_m=3.0, right_m=-1.0,
                      above_m=4.0, heading_deg=90.0, colour="blue")  # fmt: skip

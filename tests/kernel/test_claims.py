@@ -7,12 +7,15 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from lingjing.kernel.claims import asked_classes
 from lingjing.kernel.inspections import Inspections
 from lingjing.kernel.rules import evaluate
+from lingjing.mission.expression import conjuncts
 from lingjing.mission.instance import CountedSpec, InspectionSpec, LimitSpec
 from lingjing.testing import does, says, together
 from lingjing.testing import rescue as kit
-from lingjing.testing.expressions import Call, Number, Sequence, Symbol, Text
+from lingjing.testing.declarations import Rule
+from lingjing.testing.expressions import Binary, Call, Number, Quantified, Sequence, Symbol, Text
 from lingjing.testing.rescue import decisions
 from lingjing.trace.records import BoundaryRecord, CameraPose, Route, Snapshot
 
@@ -63,6 +66,27 @@ def test_reports_that_differ_only_in_fields_that_no_rule_reads_are_one_claim() -
     for confidence in (0.1, 0.5, 0.9):
         kernel.step(decisions(scout_1=kit.report(FRAME, box=WRONG[0], confidence=confidence)))
     assert kernel.state.registry.progress.used["positives"] == 1
+
+
+def test_a_box_with_a_class_that_no_rule_asks_for_is_no_claim() -> None:
+    """It can match nothing, so a report of a jam or a car leaves the limit to the finds."""
+    kernel = limited(1)
+    kernel.step(decisions(scout_1=together(*(kit.report(FRAME, box=box, cls="craft") for box in WRONG))))
+    assert kernel.state.registry.progress.used.get("positives", 0) == 0
+    assert "matched" in events(kernel.step(decisions(scout_1=kit.report(FRAME))).record)
+
+
+def test_every_class_is_a_claim_where_a_rule_takes_any() -> None:
+    """Nothing is free if a rule reads a report without its class, also inside of another condition."""
+    instance = kit.instance()
+    assert asked_classes(instance) == {"detection": frozenset({"person"})}
+    (matched, *others) = instance.rules
+    (classed, *rest) = conjuncts(matched.condition)
+    assert isinstance(classed, Binary)
+    any_class = Rule(name="near", parameters=matched.parameters, condition=rest[0])
+    assert asked_classes(replace(instance, rules=(matched, *others, any_class))) == {}
+    loose = Quantified(quantifier="exists", variable="r", domain="detection", body=rest[0])
+    assert asked_classes(replace(instance, success=Binary(operator="or", left=loose, right=loose))) == {}
 
 
 def test_receipts_and_messages_do_not_reveal_the_limit() -> None:

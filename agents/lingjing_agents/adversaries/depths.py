@@ -5,7 +5,9 @@ along the public lines of the mission's text. At tier 0 a gap in a deck, spray a
 
 - a fracture: the part of the bridge where the depth is that of the water;
 - a leak: a body beside the pipe that is as high as spray;
-- a jam: bodies of the size of vehicles.
+- a jam: bodies of the size of vehicles;
+- a person in the water: a body that rises as far above the water as a life vest, which no rival does;
+- a fire on a roof: a surface that is uneven from pixel to pixel, as flames are.
 """
 
 from __future__ import annotations
@@ -58,6 +60,22 @@ the pipe, metres.
 """
 VEHICLE_M, VEHICLE_LONG_M, VEHICLE_WIDE_M = (0.6, 3.6), (2.8, 14.0), (1.2, 5.0)
 """Least and greatest height, length and width of vehicles, metres."""
+AFLOAT_M = 0.03
+"""Height above the water from which a body floats, metres (chosen: the depth image has no waves)."""
+PERSON_HIGH_M, PERSON_LONG_M = (0.27, 0.38), (0.5, 2.2)
+"""Heights of a person in the water, and the lengths of one, metres (measured in the shipped mission)."""
+FINE_M, COARSE_M, ROUGH_SHARE = 0.03, 2.5, 0.35
+"""Difference of a pixel's depth from its neighbours' mean from which it is uneven, and from which it is an edge of a
+building, metres; share of uneven pixels around one in flames (chosen).
+"""
+AROUND_PX = 15
+"""Side of the square in which that share is taken, pixels (chosen)."""
+FLAMES_M, FLAMES_HIGH_M, ROOF_M = (3.5, 13.0), (0.3, 5.5), 8.0
+"""Sides of flames, their least and greatest height above the roof, and least elevation of a roof, metres (measured in
+the shipped mission, with a margin).
+"""
+MARGIN_PX = 25
+"""Width of the rim in which the roof's elevation is read, pixels (chosen)."""
 FAR_M = 1e5
 """The depth of pixels without one, metres."""
 DOWN_DEG = 80.0
@@ -77,7 +95,9 @@ class DepthReader:
 
     async def reset(self, brief: Brief) -> None:
         """Give the heuristic the detectors."""
-        finders: tuple[tuple[str, Detector], ...] = (("fracture", find_gap), ("leak", find_spray))
+        finders: tuple[tuple[str, Detector], ...] = (
+            ("fracture", find_gap), ("leak", find_spray), ("person", find_afloat), ("building_fire", find_flames),
+        )  # fmt: skip
         known = {name: find for name in brief.classes for word, find in finders if word in name}
         self._wrapped: Policy = HeuristicPolicy({ANY_VEHICLE: find_vehicles, **known})
         await self._wrapped.reset(brief)
@@ -148,15 +168,67 @@ def find_vehicles(picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
     )
 
 
-def _points(picture: Picture) -> FloatArray | None:
+def find_afloat(picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
+    """Return the boxes of the bodies on the water that are as high and as long as a person."""
+    points = _points(picture, 1)
+    if points is None:
+        return ()
+    above = points[2] - level_m
+    return tuple(
+        thing.box
+        for thing in _things(picture, points, (above > AFLOAT_M) & (above < 2.0), close_m=0.4)
+        if PERSON_HIGH_M[0] < above[thing.cells].max() < PERSON_HIGH_M[1]
+        and PERSON_LONG_M[0] < max(thing.sides_m) < PERSON_LONG_M[1]
+    )
+
+
+def find_flames(picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
+    """Return the boxes of the three most uneven things on roofs that are as wide and as high as flames."""
+    points = _points(picture, 1)
+    if points is None:
+        return ()
+    cv2 = opencv()
+    uneven = np.abs(cv2.Laplacian(points[2].astype(np.float32), cv2.CV_32F, ksize=1))
+    share = cv2.boxFilter(((uneven > FINE_M) & (uneven < COARSE_M)).astype(np.float32), -1, (AROUND_PX, AROUND_PX))
+    found = []
+    for thing in _things(picture, points, share > ROUGH_SHARE):
+        flames = _on_roof(picture, points, thing)
+        if flames is not None and all(FLAMES_M[0] < side < FLAMES_M[1] for side in flames.sides_m):
+            found.append((float(share[flames.cells].mean()), flames.box))
+    return tuple(box for _, box in sorted(found, key=lambda pair: -pair[0])[:3])
+
+
+def _on_roof(picture: Picture, points: FloatArray, thing: _Thing) -> _Thing | None:
+    """Return the part of a picture around a thing that rises from the roof below it; None if no roof is there."""
+    rows, columns = (np.flatnonzero(thing.cells.any(axis=axis)) for axis in (1, 0))
+    window = tuple(slice(max(0, int(cells[0]) - MARGIN_PX), int(cells[-1]) + MARGIN_PX) for cells in (rows, columns))
+    part = points[(slice(None), *window)]
+    rim = np.concatenate([part[2][:8].ravel(), part[2][-8:].ravel(), part[2][:, :8].ravel(), part[2][:, -8:].ravel()])
+    core_m = float(np.median(points[2][thing.cells]))
+    near = np.round(rim[(rim < core_m + 0.5) & (rim > core_m - FLAMES_HIGH_M[1])], 1)
+    if not near.size:
+        return None
+    levels, counts = np.unique(near, return_counts=True)
+    roof_m = float(levels[counts.argmax()])
+    if roof_m < ROOF_M:
+        return None
+    mask = np.zeros(thing.cells.shape, np.bool_)
+    mask[window] = (part[2] > roof_m + FLAMES_HIGH_M[0]) & (part[2] < roof_m + FLAMES_HIGH_M[1])
+    opened = opencv().morphologyEx(mask.astype(np.uint8), opencv().MORPH_OPEN, np.ones((7, 7), np.uint8)) > 0
+    shared = [(int((other.cells & thing.cells).sum()), other) for other in _things(picture, points, opened)]
+    most, flames = max(shared, key=lambda pair: pair[0], default=(0, thing))
+    return flames if most else None
+
+
+def _points(picture: Picture, stride_px: int = STRIDE_PX) -> FloatArray | None:
     """Return east, north and elevation (3, rows, columns; metres), with the ground at 0; None without depth or for
     another view.
     """
     if picture.depth is None or picture.pose.tilt_deg < DOWN_DEG:
         return None
     depth = np.where(np.isfinite(picture.depth), picture.depth, np.float32(FAR_M))
-    points = heights(depth, picture.pose, 0.0, STRIDE_PX)
-    rows, columns = (len(range(STRIDE_PX // 2, side, STRIDE_PX)) for side in picture.depth.shape)
+    points = heights(depth, picture.pose, 0.0, stride_px)
+    rows, columns = (len(range(stride_px // 2, side, stride_px)) for side in picture.depth.shape)
     shaped: FloatArray = np.moveaxis(points.reshape(rows, columns, 3), 2, 0)
     return shaped
 

@@ -130,6 +130,7 @@ def _own_part(entity: Entity) -> ModelPart:
 def _part(part: BodyPart) -> ModelPart:
     mesh = solid(part.shape, part.length_m, part.width_m, part.height_m, COLOURS.get(part.colour, UNPAINTED))
     if part.glow:
+        mesh = mesh.copy()  # bodies of equal measures share the mesh
         mesh[:, 9] = -part.glow
     place = at((part.right_m, part.ahead_m, part.above_m), part.heading_deg)
     key = f"{part.shape}-{part.length_m}-{part.width_m}-{part.height_m}-{part.colour}-{part.glow}"
