@@ -1,8 +1,8 @@
 """Flames in a front picture, with their positions on the ground.
 
-Flames are the brightest saturated orange and yellow, and their tongues differ from pixel to pixel. Rust, crates and roofs
-are duller or redder and have no hot yellow core; lamps are smooth. The distance of a near fire follows from the row of its base below the horizon, that of a far fire from the
-height of its flames.
+Flames are the brightest saturated orange and yellow, and their tongues differ from pixel to pixel. Rust, crates and
+roofs are duller or redder and have no hot yellow core; lamps are smooth. The distance of a near fire follows from the
+row of its base below the horizon, that of a far fire from the height of its flames.
 """
 
 from __future__ import annotations
