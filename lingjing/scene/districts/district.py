@@ -16,7 +16,7 @@ from lingjing.mission.geometry2d import left_of
 from lingjing.scene.city import City, Land, Pieces
 from lingjing.scene.districts import coast, sites
 from lingjing.scene.districts.draft import Draft, stream
-from lingjing.scene.districts.furnish import CHAMFER_M, block_slab, canopies
+from lingjing.scene.districts.furnish import CHAMFER_M, block_slab
 from lingjing.scene.districts.options import DistrictPlan
 from lingjing.scene.districts.palette import HOMES
 from lingjing.scene.districts.rectangles import Rect, around, bounds
@@ -201,10 +201,8 @@ def _block(draft: Draft, plan: DistrictPlan, block: CityBlock, kind: str, tree_g
     tall = heights(kind, plan.height_m) if plan.kind == "city" else plan.height_m
     if plan.homes and block.box.meets(bounds(plan.homes)):
         begun = len(draft.buildings)
-        fill(draft, "residential", inner, tall, chance, "houses" if plan.detached else "slabs")
+        fill(draft, "residential", inner, tall, chance, "homes" if plan.detached else "slabs")
         draft.repaint(begun, chance.sample(HOMES, len(HOMES)))
-        for building in draft.buildings[begun:] if plan.detached else ():
-            canopies(draft, building)
     else:
         fill(draft, kind, inner, tall, chance, first)
 

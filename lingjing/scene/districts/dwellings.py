@@ -5,7 +5,7 @@ from __future__ import annotations
 from random import Random
 
 from lingjing.scene.districts.draft import KERB_M, Draft
-from lingjing.scene.districts.furnish import STOREY_M, bench, doorstep, erect, parking, trees
+from lingjing.scene.districts.furnish import SIDES, STOREY_M, bench, canopies, doorstep, erect, parking, trees
 from lingjing.scene.districts.rectangles import Rect, around
 
 Heights = tuple[float, float]
@@ -33,7 +33,21 @@ def slabs(draft: Draft, lot: Rect, heights: Heights, chance: Random, use: str = 
 
 
 def houses(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
-    """Build detached houses with tiled roofs, each in its garden."""
+    """Build detached houses with tiled roofs, each in its garden, with the door on the side of the nearer street."""
+    _houses(draft, lot, heights, chance)
+
+
+def homes(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
+    """Build such houses with the door on any side, and a canopy on each side. In a depth image from above a door is
+    one canopy of four.
+    """
+    begun = len(draft.buildings)
+    _houses(draft, lot, heights, chance, any_side=True)
+    for building in draft.buildings[begun:]:
+        canopies(draft, building)
+
+
+def _houses(draft: Draft, lot: Rect, heights: Heights, chance: Random, *, any_side: bool = False) -> None:
     columns, rows = max(1, int(lot.width // 19.0)), max(1, int(lot.depth // 24.0))
     for k, cell in enumerate(lot.cells(columns, rows, 0.0)):
         if chance.random() < 0.08:
@@ -46,13 +60,14 @@ def houses(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
         y = cell.centre[1] + (-1.0 if south else 1.0) * chance.uniform(0.5, 2.5)
         roof = chance.choice(("gabled", "gabled", "hipped", "pyramidal"))
         top = min(max(heights[0] - 2.5, 3.0) + STOREY_M * chance.randrange(2), 7.0)
+        side = chance.choice(tuple(SIDES)) if any_side else "south" if south else "north"
         made = erect(draft, chance, around(x, y, width, deep), use="house", top_m=top, roof=roof,
-                     roof_m=chance.uniform(2.0, 3.2), side="south" if south else "north")  # fmt: skip
+                     roof_m=chance.uniform(2.0, 3.2), side=side)  # fmt: skip
         if made.entrance and chance.random() < 0.3:
             doorstep(draft, made.entrance, chance)
         if chance.random() < 0.25:
-            side = cell.east - 0.4
-            draft.solid("wall", Rect(side - 0.1, cell.south + 5.0, side + 0.1, cell.north - 5.0), 0.0, 1.0, "brick")
+            edge = cell.east - 0.4
+            draft.solid("wall", Rect(edge - 0.1, cell.south + 5.0, edge + 0.1, cell.north - 5.0), 0.0, 1.0, "brick")
         trees(draft, cell.inset(1.5), 2, chance)
 
 

@@ -42,8 +42,7 @@ class DistrictPlan:
     """Outline of an area with blocks of dwellings of different colours, in any kind of district; empty without
     one."""
     detached: bool = False
-    """True if those dwellings are small houses in gardens, with a canopy on each side, not long ones. In a depth image
-    from above a door is then one canopy of four."""
+    """True if those dwellings are small houses in gardens, not long ones."""
     pipeline: Polygon = ()
     """Line of the pipeline; empty without one."""
     shore: Polygon = ()

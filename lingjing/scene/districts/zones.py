@@ -25,6 +25,7 @@ def _shops(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
 _FILLINGS: dict[str, tuple[Filling, str]] = {
     "slabs": (dwellings.slabs, "grass"),
     "houses": (dwellings.houses, "grass"),
+    "homes": (dwellings.homes, "grass"),
     "home_towers": (dwellings.towers, "grass"),
     "ring": (dwellings.ring, "residential"),
     "shops": (_shops, "commercial"),
