@@ -21,6 +21,7 @@ COLOURS: Mapping[str, LinearRgb] = {
     "black": (0.03, 0.03, 0.03),
     "pink": (0.72, 0.30, 0.36),
     "amber": (0.85, 0.13, 0.02),
+    "teal": (0.011, 0.040, 0.060),
 }
 """The colours that a type, a part or a building can have, by name."""
 

@@ -29,6 +29,9 @@ OPEN = 0.12
 """Share of water across the deck from which on a row belongs to a gap."""
 GAP_M = (3.0, 45.0)
 """Shortest and longest plausible gap in metres. Chosen."""
+RIM_M, RIM_OPEN = 0.9, 0.3
+"""Width of a deck's rim in metres, and the least share of water in it where the deck is open: beside what lies on the
+deck, the rim is whole. Chosen."""
 WHOLE_SHARE = 0.25
 """Least share of the picture's rows with a whole deck, so that its edges are reliable."""
 
@@ -98,10 +101,15 @@ def _finds(water: MaskArray, edges: _DeckEdges, metres_per_px: float) -> list[Fo
         return []
     inner = zip(water, np.maximum(left + 2, 0).round().astype(int), (right - 2).round().astype(int), strict=True)
     share = np.array([row[a : max(a + 1, b)].mean() for row, a, b in inner])
+    wide = max(2, round(RIM_M / metres_per_px))
+    ends = zip(water, np.maximum(left, 0).round().astype(int), right.round().astype(int), strict=True)
+    rim = np.array([np.r_[row[a : a + wide], row[max(0, b - wide) : b]].mean() for row, a, b in ends])
     boxes = []
     for top, bottom in runs(share > OPEN, round(2.0 / metres_per_px)):
         long_m = (bottom - top) * metres_per_px
         if not GAP_M[0] <= long_m <= GAP_M[1] or top <= 1 or bottom >= height - 1:
+            continue
+        if rim[top:bottom].mean() < RIM_OPEN:
             continue
         pad = 1.0 / metres_per_px
         x0, x1 = min(left[top], left[bottom - 1]) - pad, max(right[top], right[bottom - 1]) + pad
