@@ -9,7 +9,7 @@ from PIL import Image
 
 import lingjing
 from lingjing import Trace
-from lingjing.analysis.completion import required_target_groups
+from lingjing.analysis.completion import judged_targets, required_target_groups, sought_targets
 from lingjing.analysis.history import history_of
 from lingjing.analysis.overview import draw_overview
 from lingjing.analysis.played_city import city_of, credit
@@ -113,6 +113,17 @@ def test_the_required_groups_follow_from_the_success_condition(mission: str, exp
     required = required_target_groups(instantiate(lingjing.compile(mission_file(mission)), seed=0))
     assert required >= expected
     assert "jam" not in required and "depot" not in required
+
+
+@pytest.mark.parametrize("name", ["bi", "cd", "cr", "idf", "ld", "ssr", "ufr", "upr", "vdn"])
+def test_no_rival_of_a_shipped_mission_is_sought(name: str) -> None:
+    """At tier 1 missions gain targets that only resemble those of tier 0, and other obstacles."""
+    mission = lingjing.compile(mission_file(name))
+    plain, hard = (instantiate(mission, seed=0, tier=tier) for tier in (0, 1))
+    groups = {entity.id: entity.group for entity in hard.entities}
+    rivals = set(groups.values()) - {entity.group for entity in plain.entities}
+    assert sought_targets(plain) and not rivals.intersection(groups[name] for name in sought_targets(hard))
+    assert judged_targets(hard) <= sought_targets(hard) >= judged_targets(plain)
 
 
 def test_a_target_that_success_does_not_require_is_not_missed(trace: Trace) -> None:

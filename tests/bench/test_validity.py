@@ -18,7 +18,6 @@ from types import SimpleNamespace
 import msgspec
 import pytest
 
-from lingjing.bench.rows import SuiteRow
 from lingjing.bench.validity.pages import readme_rows, tables
 from lingjing.bench.validity.program import read_program
 from lingjing.bench.validity.record import (
@@ -429,7 +428,7 @@ def test_kept_runs_of_a_changed_mission_move_with_their_rows(place: Path, tasks:
     study = place / "out" / "redrawn-tier1"
     (row,) = read_results(study)
 
-    def with_trace(trace: str) -> SuiteRow:
+    def with_trace(trace: str) -> object:
         return msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, trace=trace))
 
     name = f"results-trip-{row.mission_sha256[:12]}"

@@ -7,15 +7,13 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from lingjing.kernel.claims import asked_classes
 from lingjing.kernel.inspections import Inspections
 from lingjing.kernel.rules import evaluate
-from lingjing.mission.expression import conjuncts
 from lingjing.mission.instance import CountedSpec, InspectionSpec, LimitSpec
 from lingjing.testing import does, says, together
 from lingjing.testing import rescue as kit
 from lingjing.testing.declarations import Rule
-from lingjing.testing.expressions import Binary, Call, Number, Quantified, Sequence, Symbol, Text
+from lingjing.testing.expressions import Aggregate, Attr, Binary, Call, Number, Quantified, Sequence, Symbol, Text
 from lingjing.testing.rescue import decisions
 from lingjing.trace.records import BoundaryRecord, CameraPose, Route, Snapshot
 
@@ -76,17 +74,21 @@ def test_a_box_with_a_class_that_no_rule_asks_for_is_no_claim() -> None:
     assert "matched" in events(kernel.step(decisions(scout_1=kit.report(FRAME))).record)
 
 
-def test_every_class_is_a_claim_where_a_rule_takes_any() -> None:
-    """Nothing is free if a rule reads a report without its class, also inside of another condition."""
-    instance = kit.instance()
-    assert asked_classes(instance) == {"detection": frozenset({"person"})}
-    (matched, *others) = instance.rules
-    (classed, *rest) = conjuncts(matched.condition)
-    assert isinstance(classed, Binary)
-    any_class = Rule(name="near", parameters=matched.parameters, condition=rest[0])
-    assert asked_classes(replace(instance, rules=(matched, *others, any_class))) == {}
-    loose = Quantified(quantifier="exists", variable="r", domain="detection", body=rest[0])
-    assert asked_classes(replace(instance, success=Binary(operator="or", left=loose, right=loose))) == {}
+def test_every_class_is_a_claim_where_a_condition_takes_any() -> None:
+    """Nothing is free if a rule, or a part of another condition, reads reports of any class."""
+    (_, *others), near = kit.instance().rules, Binary(operator="<=", left=Attr(base=kit.local("r"), name="confidence"),
+                                                      right=Number(value=0.1))  # fmt: skip
+    any_class = Rule(name="sure", parameters=kit.MATCHED.parameters, condition=near)
+    loose = Quantified(quantifier="exists", variable="r", domain="detection", body=near)
+    either = Binary(operator="or", left=kit.SUCCESS, right=loose)
+    counted = Aggregate(function="count", variable="r", domain="detection", body=near)
+    many = Binary(operator=">=", left=counted, right=Number(value=9.0))
+    for changes in (
+        {"rules": (kit.MATCHED, *others, any_class)}, {"success": either}, {"success": kit.both(kit.SUCCESS, many)},
+    ):  # fmt: skip
+        kernel = limited(9, **changes)
+        kernel.step(decisions(scout_1=together(*(kit.report(FRAME, box=box, cls="craft") for box in WRONG[:3]))))
+        assert kernel.state.registry.progress.used["positives"] == 3
 
 
 def test_receipts_and_messages_do_not_reveal_the_limit() -> None:

@@ -24,7 +24,7 @@ from lingjing.mission.vocabulary import PHOTO
 
 _HEAD = """# .ljs on one card
 
-No loops, no `if`. A statement ends with its line or a comma in a block; `#` is a comment; texts: "…" or \"""…\""". Numbers have their unit (`10 s`, `4 m/s`, `20 %`), except counts. `=` fixes, `~` draws, `<=` bounds. Conditions: `and or not == != < <= > >= in`, `exists r: c`, `forall v in group: c`. Places are `(east, north[, elevation])` in metres; ranges `1..4`; lists `[a, b]`; sizes `3 by 4`. Members count from 1: `uav[1]`. A line with `when` replaces that without. […] is optional; … goes on after commas.
+No loops, no `if`. A statement ends with its line or a comma in a block; `#` is a comment; texts: "…" or \"""…\""". Numbers have their unit (`10 s`, `4 m/s`, `20 %`), except counts. `=` fixes, `~` draws, `<=` bounds. Conditions: `and or not == != < <= > >= in`, `exists r: c`, `forall v in group: c`. Places: `(east, north[, elevation])`; ranges `1..4`; lists `[a, b]`; sizes `3 by 4`. Members count from 1: `uav[1]`. A line with `when` replaces that without. […] is optional; … goes on after commas.
 
 A mission needs goal, scene, clock, budget with ticks, success, an agent. Hidden values are read by `adjudicate` and sensors; what agents notice needs `declassify … because "…"`.
 """  # noqa: E501 - a paragraph of Markdown is one line
