@@ -19,7 +19,7 @@ import numpy as np
 from lingjing.kernel.commands import camera_of
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.mission.instance import AgentSpec, CameraSpec, Entity, Instance
-from lingjing.mission.vocabulary import PHOTO
+from lingjing.mission.vocabulary import PHOTO, PORTRAIT
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.policy import REFERENCE, CameraView, Picture
 from lingjing.scene.camera_geometry import CameraPlacement
@@ -137,7 +137,8 @@ def reference_views(instance: Instance, agent: AgentSpec) -> tuple[CameraView, .
 class ReferencePictures:
     """The reference pictures of one instance. Holds no run-time state.
 
-    The camera stands in front of the target, in the direction of its heading. The true pose would reveal the target's
+    The camera stands in front of the target, in the direction of its heading, at the distance that the target declares
+    (`portrait`) or `DISTANCE_M`. The true pose would reveal the target's
     position, so agents receive the picture with a pose at the frame's origin. Reports may not cite these pictures: they
     show a target to agents that have not found it.
     """
@@ -185,8 +186,9 @@ class ReferencePictures:
 def _in_front_of(entity: Entity) -> CameraPose:
     angle = math.radians(entity.heading_deg)
     east, north, elevation = entity.position
+    away_m = entity.number_or(f"{PORTRAIT}_m", DISTANCE_M)
     return msgspec.structs.replace(
         _HIDDEN_POSE,
-        position=(east + DISTANCE_M * math.sin(angle), north + DISTANCE_M * math.cos(angle), elevation + HEIGHT_M),
+        position=(east + away_m * math.sin(angle), north + away_m * math.cos(angle), elevation + HEIGHT_M),
         heading_deg=(entity.heading_deg + 180.0) % 360.0,
     )

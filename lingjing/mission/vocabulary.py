@@ -13,6 +13,8 @@ MODES: tuple[CommunicationMode, ...] = ("star", "broadcast", "single")
 EVERYONE = "all"
 """The word for every role among a message's senders or recipients."""
 
+PORTRAIT = "portrait"
+"""The property with the distance from which an entity's reference picture is taken."""
 PHOTO = "takePhoto"
 """The verb that requests a picture from a camera; the kernel routes it to the camera engine."""
 

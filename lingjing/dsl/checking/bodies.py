@@ -31,6 +31,7 @@ from lingjing.mission.appearance import (
 )
 from lingjing.mission.functions import METRES, NUMBER, Type
 from lingjing.mission.units import MASS
+from lingjing.mission.vocabulary import PORTRAIT
 
 _MOST_KG = 1e7
 """Greatest mass, kilograms (chosen)."""
@@ -45,10 +46,11 @@ BODY_KEYS = keyed(
     PropertyKey("shape", Type("name"), choices=(*SHAPES, BARE)),
     PropertyKey("origin", Type("name"), choices=ORIGINS),
     PropertyKey("look", Type("name"), choices=(*MODELS, BARE), file_ending=GLB),
+    PropertyKey(PORTRAIT, METRES, low=2, high=200, public=False),
     PropertyKey(VARIANT, NUMBER, DRAWN, low=0, high=VARIANT_MOST, whole=True, hideable=True, public=False),
 )
 """Properties of any type and entity: size, mass and colour of the body, its collision shape, the position's place in
-it, the camera's model for it and the variant of that model."""
+it, the camera's model for it, the distance of its reference picture and the variant of that model."""
 
 
 def reshaped(changed: set[str]) -> bool:
