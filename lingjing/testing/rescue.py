@@ -195,13 +195,14 @@ class TruthCamera:
             for name, mirror in self.mirrors.items()
             if name.startswith("victim") and math.dist(mirror.position[:2], here[:2]) <= SIGHT_M
         )
+        pose = request.pose or CameraPose(position=here, heading_deg=0.0, tilt_deg=90.0)
         info = FrameInfo(
             id=request.frame,
             entity=request.entity,
             camera=request.camera,
             tick=request.tick,
             time_s=request.time_s,
-            pose=CameraPose(position=here, heading_deg=0.0, tilt_deg=90.0, width=8, height=6),
+            pose=msgspec.structs.replace(pose, width=8, height=6),
             channels=("rgb",),
             boxes=boxes,
         )
