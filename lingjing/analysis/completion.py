@@ -12,7 +12,7 @@ from lingjing.analysis.memo import cache_by_trace
 from lingjing.mission.conditions.condition_needs import mentions
 from lingjing.mission.conditions.needs import Supply
 from lingjing.mission.conditions.outline import of_instance
-from lingjing.mission.expression import Call, parts
+from lingjing.mission.expression import Aggregate, Call, Quantified, Ref, parts
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord
@@ -42,11 +42,24 @@ def required_target_groups(instance: Instance) -> frozenset[str]:
 
 
 def sought_targets(instance: Instance) -> frozenset[str]:
-    """Return the targets that the mission is about: those of which success or a stage requires something, and those
-    that a report can match. Rivals, which only resemble them, and other places are none.
+    """Return the targets that the mission is about: those that success or a stage names, also in a rule that it calls,
+    and those that a report can match. Rivals, which only resemble them, are none. If nothing is named, all are.
     """
-    groups = {stage.domain for stage in instance.stages} | required_target_groups(instance)
-    return judged_targets(instance) | _members(instance, groups)
+    names = {stage.domain for stage in instance.stages}
+    rules, called = {rule.name: rule for rule in instance.rules}, set()
+    waiting = [instance.success, *(stage.condition for stage in instance.stages)]
+    while waiting:
+        for part in parts(waiting.pop()):
+            if isinstance(part, Ref):
+                names.add(part.name)
+            elif isinstance(part, Quantified | Aggregate):
+                names.add(part.domain)
+            elif isinstance(part, Call) and part.rule and part.function not in called:
+                called.add(part.function)
+                names |= {parameter.domain for parameter in rules[part.function].parameters}
+                waiting.append(rules[part.function].condition)
+    every = _members(instance, {entity.group for entity in instance.entities})
+    return judged_targets(instance) | _members(instance, names) or every
 
 
 def judged_targets(instance: Instance) -> frozenset[str]:

@@ -74,10 +74,9 @@ class Claims:
         frame, box = report.body.get("frame"), report.body.get("box")
         if frame is not None and box is not None:
             asked = self._classes.get(report.kind)
-            if asked is not None and report.body.get(CLASS) not in asked:
-                return None
-            rest = {name: value for name, value in report.body.items() if name in self._read}
-            return "", str(frame), _text((box, sorted(rest.items())))
+            if asked is None or report.body.get(CLASS) in asked:
+                rest = {name: value for name, value in report.body.items() if name in self._read}
+                return "", str(frame), _text((box, sorted(rest.items())))
         place = point(report.body.get("position"))
         if report.kind in self._requests and place is not None:
             return report.kind, "", _text(place)
@@ -85,19 +84,16 @@ class Claims:
 
 
 def fields_read(instance: Instance) -> frozenset[str]:
-    """The names of all fields that a rule, an unlock or the success reads, of messages and of entities."""
-    conditions = (
-        instance.success,
-        *(rule.condition for rule in instance.rules),
-        *(unlock.condition for unlock in instance.unlocks),
-    )
+    """The names of all fields that a condition of the instance reads, of messages and of entities."""
+    conditions = _conditions(instance)
     return frozenset(part.name for each in conditions for part in ex.parts(each) if isinstance(part, ex.Attr))
 
 
 def asked_classes(instance: Instance) -> dict[str, frozenset[str]]:
-    """Return, for each kind of message, the classes without which no condition is true of it (`r.class == fire`).
+    """Return, for each kind of message, the classes that conditions ask for (`r.class == fire`). A message of another
+    class makes no condition true.
 
-    A kind of which a condition can be true with any class, or without one, is left out.
+    A kind is left out if a condition reads it without its class, counts it, or asks something of all of its messages.
     """
     kinds = {spec.kind for spec in instance.messages}
     asked: dict[str, set[str]] = {}
@@ -117,9 +113,9 @@ def asked_classes(instance: Instance) -> dict[str, frozenset[str]]:
                 known[rule.name, place] = note(parameter.domain, parameter.name, rule.condition)
     for condition in _conditions(instance):
         for part in ex.parts(condition):
-            if isinstance(part, ex.Quantified) and part.domain in kinds:
+            if isinstance(part, ex.Quantified) and part.domain in kinds and part.quantifier == "exists":
                 note(part.domain, part.variable, part.body)
-            elif isinstance(part, ex.Aggregate) and part.domain in kinds:
+            elif isinstance(part, ex.Quantified | ex.Aggregate) and part.domain in kinds:
                 every.add(part.domain)
     return {kind: frozenset(classes) for kind, classes in asked.items() if kind not in every}
 
@@ -141,12 +137,17 @@ def _is_ref(expr: ex.Expr, variable: str) -> bool:
 
 
 def _conditions(instance: Instance) -> Iterator[ex.Expr]:
+    """Yield every condition that a report can make true or false."""
     yield instance.success
     if instance.failure is not None:
         yield instance.failure
     yield from (rule.condition for rule in instance.rules)
     yield from (unlock.condition for unlock in instance.unlocks)
     yield from (stage.condition for stage in instance.stages)
+    yield from (permit.condition for permit in instance.permits)
+    yield from (constraint.condition for constraint in instance.constraints)
+    for event in instance.events:
+        yield from (condition for condition in (event.condition, event.until) if condition is not None)
 
 
 def _text(value: object) -> str:

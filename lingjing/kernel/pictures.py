@@ -138,9 +138,9 @@ class ReferencePictures:
     """The reference pictures of one instance. Holds no run-time state.
 
     The camera stands in front of the target, in the direction of its heading, at the distance that the target declares
-    (`portrait`) or `DISTANCE_M`. The true pose would reveal the target's
-    position, so agents receive the picture with a pose at the frame's origin. Reports may not cite these pictures: they
-    show a target to agents that have not found it.
+    (`portrait`) or `DISTANCE_M`, and lower where it is near, so that it shows the ground. The true pose would reveal
+    the target's position, so agents receive the picture with a pose at the frame's origin. Reports may not cite these
+    pictures: they show a target to agents that have not found it.
     """
 
     def __init__(self, instance: Instance) -> None:
@@ -187,8 +187,9 @@ def _in_front_of(entity: Entity) -> CameraPose:
     angle = math.radians(entity.heading_deg)
     east, north, elevation = entity.position
     away_m = entity.number_or(f"{PORTRAIT}_m", DISTANCE_M)
+    up_m = min(HEIGHT_M, away_m / 4.0)
     return msgspec.structs.replace(
         _HIDDEN_POSE,
-        position=(east + away_m * math.sin(angle), north + away_m * math.cos(angle), elevation + HEIGHT_M),
+        position=(east + away_m * math.sin(angle), north + away_m * math.cos(angle), elevation + up_m),
         heading_deg=(entity.heading_deg + 180.0) % 360.0,
     )

@@ -286,9 +286,10 @@ class _Rules:
         say = self._say
         if any(item.kind == "claims" for item in limit.counts):
             return say(
-                "*{limit}*: all agents together may make {most} claims: each different box of a picture in a report is "
-                "one, and each different place around which another route is requested; to pass a claim on is free; "
-                "claims beyond the limit count for nothing, and no receipt says so",
+                "*{limit}*: all agents together may make {most} claims: each different box of a picture in a report "
+                "is one, unless no rule asks for its class, and each different place around which another route is "
+                "requested; to pass a claim on is free; claims beyond the limit count for nothing, and no receipt says "
+                "so",
                 limit=limit.name,
                 most=limit.most,
             )

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from lingjing.kernel.inspections import Inspections
 from lingjing.kernel.rules import evaluate
-from lingjing.mission.instance import CountedSpec, InspectionSpec, LimitSpec
+from lingjing.mission.instance import CountedSpec, EventSpec, InspectionSpec, LimitSpec, PermitSpec
 from lingjing.testing import does, says, together
 from lingjing.testing import rescue as kit
 from lingjing.testing.declarations import Rule
@@ -83,8 +83,12 @@ def test_every_class_is_a_claim_where_a_condition_takes_any() -> None:
     either = Binary(operator="or", left=kit.SUCCESS, right=loose)
     counted = Aggregate(function="count", variable="r", domain="detection", body=near)
     many = Binary(operator=">=", left=counted, right=Number(value=9.0))
+    every = Quantified(quantifier="forall", variable="r", domain="detection", body=kit.MATCHED.condition.left)
+    permit = PermitSpec(resource="boat", condition=loose)
+    event = EventSpec(name="news", condition=loose)
     for changes in (
         {"rules": (kit.MATCHED, *others, any_class)}, {"success": either}, {"success": kit.both(kit.SUCCESS, many)},
+        {"success": kit.both(kit.SUCCESS, every)}, {"permits": (permit,)}, {"events": (event,)},
     ):  # fmt: skip
         kernel = limited(9, **changes)
         kernel.step(decisions(scout_1=together(*(kit.report(FRAME, box=box, cls="craft") for box in WRONG[:3]))))

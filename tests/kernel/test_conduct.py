@@ -354,9 +354,9 @@ def test_a_reference_picture_goes_once_to_its_role_without_position_and_supports
     assert later.observations["scout[1]"].pictures == ()
 
 
-@pytest.mark.parametrize(("declared", "away_m"), [({}, 24.0), ({"portrait_m": 6.0}, 6.0)])
+@pytest.mark.parametrize(("declared", "away_m", "up_m"), [({}, 24.0, 4.0), ({"portrait_m": 6.0}, 6.0, 1.5)])
 def test_a_reference_picture_is_taken_from_the_front_at_the_declared_distance(
-    declared: dict[str, float], away_m: float
+    declared: dict[str, float], away_m: float, up_m: float
 ) -> None:
     """In a dense quarter a camera 24 m away stands behind another house."""
     reveal = RevealSpec(what="image", entities=("victim[1]",), role="searcher")
@@ -369,4 +369,4 @@ def test_a_reference_picture_is_taken_from_the_front_at_the_declared_distance(
     )
     kernel = kit.kernel(msgspec.structs.replace(base, entities=entities))
     (frame,) = (frame for frame in kernel.reset().record.frames if frame.camera == "reference")
-    assert frame.pose.position == pytest.approx((100.0 + away_m, 0.0, 4.0)) and frame.pose.heading_deg == 270.0
+    assert frame.pose.position == pytest.approx((100.0 + away_m, 0.0, up_m)) and frame.pose.heading_deg == 270.0

@@ -102,8 +102,8 @@ def _finds(water: MaskArray, edges: _DeckEdges, metres_per_px: float) -> list[Fo
     inner = zip(water, np.maximum(left + 2, 0).round().astype(int), (right - 2).round().astype(int), strict=True)
     share = np.array([row[a : max(a + 1, b)].mean() for row, a, b in inner])
     wide = max(2, round(RIM_M / metres_per_px))
-    ends = zip(water, np.maximum(left, 0).round().astype(int), right.round().astype(int), strict=True)
-    rim = np.array([np.r_[row[a : a + wide], row[max(0, b - wide) : b]].mean() for row, a, b in ends])
+    ends = zip(water, *(np.clip(edge, 0, width).round().astype(int) for edge in (left, right)), strict=True)
+    rim = np.array([np.r_[row[a : a + wide], row[max(0, b - wide) : b], False].mean() for row, a, b in ends])
     boxes = []
     for top, bottom in runs(share > OPEN, round(2.0 / metres_per_px)):
         long_m = (bottom - top) * metres_per_px

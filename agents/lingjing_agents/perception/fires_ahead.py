@@ -35,9 +35,10 @@ SMALLEST_PX = 9
 FAINT_PX = 3.5
 """Rows at the tips of flames that haze makes invisible."""
 
-SMOOTH, SMOOTH_SMALL, SMALL_ROWS = 4.0, 9.5, 50
-"""Mean difference in green of pixels side by side, below which a patch of many rows, and one of fewer, is a lamp.
-Measured at tier 1 on seeds 0 to 4: 5 and more, and 17 and more, for fires; 3 and less, and 8 and less, for lamps."""
+SMOOTH, SMOOTH_SMALL, SMALL_ROWS, MEASURED_ROWS = 4.0, 9.5, (30, 80), 720
+"""Mean difference in green of pixels side by side up to which a patch of many rows, and one of few, is a lamp; rows
+between which it changes, in a picture of so many rows. Measured at tier 1 on seeds 0 to 4: 5 and more for fires of more
+than 80 rows and 17 and more for small ones, 2 and less for lamps of more than 60 rows and 8 and less for small ones."""
 
 NEAR_M = 9.0
 """Distance in metres below which the base determines the distance, and above which the height does."""
@@ -142,8 +143,10 @@ def _judged(patch: _Patch, pose: CameraPose, ground_m: float) -> FireAhead | Non
     cut = x0 <= 2 or y0 <= 2 or x1 >= pose.width - 2 or y1 >= pose.height - 2
     if heat < 0.2 * pixels or (wide > 2.5 * high + 4 and not cut) or pixels < 0.12 * wide * high:
         return None  # a stripe, scattered specks or a dull object
-    if patch.steps < (SMOOTH if high >= SMALL_ROWS else SMOOTH_SMALL) * patch.pairs:
-        return None  # a lamp
+    rows = high * MEASURED_ROWS / pose.height
+    share = min(1.0, max(0.0, (rows - SMALL_ROWS[0]) / (SMALL_ROWS[1] - SMALL_ROWS[0])))
+    if patch.steps <= (SMOOTH_SMALL + share * (SMOOTH - SMOOTH_SMALL)) * patch.pairs:
+        return None  # a lamp, or a column of pixels
     foot = min(float(pose.height), y1 + EMBERS * high)
     left, top, right, low = (
         max(0.0, x0 - 1.0),

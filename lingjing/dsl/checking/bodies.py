@@ -46,7 +46,7 @@ BODY_KEYS = keyed(
     PropertyKey("shape", Type("name"), choices=(*SHAPES, BARE)),
     PropertyKey("origin", Type("name"), choices=ORIGINS),
     PropertyKey("look", Type("name"), choices=(*MODELS, BARE), file_ending=GLB),
-    PropertyKey(PORTRAIT, METRES, low=2, high=200, public=False),
+    PropertyKey(PORTRAIT, METRES, low=4, high=200, public=False),
     PropertyKey(VARIANT, NUMBER, DRAWN, low=0, high=VARIANT_MOST, whole=True, hideable=True, public=False),
 )
 """Properties of any type and entity: size, mass and colour of the body, its collision shape, the position's place in

@@ -38,8 +38,8 @@ def houses(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
 
 
 def homes(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
-    """Build such houses with the door on any side, and a canopy on each side. In a depth image from above a door is
-    one canopy of four.
+    """Build such houses without steps, with the door on any side and a canopy on each side: in a depth image from above
+    a door is one canopy of four.
     """
     begun = len(draft.buildings)
     _houses(draft, lot, heights, chance, any_side=True)
@@ -63,7 +63,7 @@ def _houses(draft: Draft, lot: Rect, heights: Heights, chance: Random, *, any_si
         side = chance.choice(tuple(SIDES)) if any_side else "south" if south else "north"
         made = erect(draft, chance, around(x, y, width, deep), use="house", top_m=top, roof=roof,
                      roof_m=chance.uniform(2.0, 3.2), side=side)  # fmt: skip
-        if made.entrance and chance.random() < 0.3:
+        if made.entrance and not any_side and chance.random() < 0.3:
             doorstep(draft, made.entrance, chance)
         if chance.random() < 0.25:
             edge = cell.east - 0.4
