@@ -116,8 +116,8 @@ class Auditor:
     """The published salt of a sealed split; None to leave it unchecked."""
     suite: Path | None = None
     """The suite's file; None for the shipped suite of that name."""
-    earlier: Mapping[str, AuditMark] = field(default_factory=dict)
-    """The marks of an earlier audit, by `row_sha256`, which rows keep when their traces were removed since."""
+    earlier: AuditRecord = field(default_factory=lambda: AuditRecord(rows={}))
+    """An earlier audit: rows keep its marks and its faults when their traces were removed since."""
     tell: Callable[[str], None] = field(default=lambda line: None)
     """Receives a line for each checked row."""
     _rules: dict[tuple[object, ...], tuple[SuiteRow, dict[str, object]]] = field(default_factory=dict)
@@ -142,8 +142,8 @@ class Auditor:
                 audit.unchecked[OTHER_CODE] += 1
         wrong = {row_sha256(finding.row) for finding in audit.findings}
         for name in {row_sha256(row) for row in counted if self._is_removed(row)} - wrong:
-            if name in self.earlier:
-                audit.marks[name] = self.earlier[name]
+            if name in self.earlier.rows:
+                audit.marks[name] = self.earlier.rows[name]
         return audit
 
     def _repeated_traces(self, rows: Sequence[SuiteRow]) -> Iterator[Finding]:
@@ -208,7 +208,8 @@ class Auditor:
         if not fault and not row.report.trace:
             reason = NO_TRACE if not row.report.digest else NOT_KEPT
         elif not fault and self._is_removed(row):
-            reason = REMOVED_SINCE if row_sha256(row) in self.earlier else REMOVED
+            fault = self.earlier.faults.get(row_sha256(row), "")
+            reason = "" if fault else REMOVED_SINCE if row_sha256(row) in self.earlier.rows else REMOVED
         else:
             reason = ""
             fault = fault or self._trace_fault(row, path, audit)

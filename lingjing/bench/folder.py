@@ -10,7 +10,7 @@ import fcntl
 import hashlib
 import os
 import secrets
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
@@ -18,6 +18,7 @@ from typing import IO
 
 import msgspec
 
+from lingjing.bench.evidence import AuditRecord, audit_file, read_audit, row_sha256
 from lingjing.bench.parquet import encode_rows, read_rows
 from lingjing.bench.rows import SuiteRow
 from lingjing.errors import UsageError
@@ -160,6 +161,7 @@ class ResultsFolder:
                 break
         for before, after in zip(own, moved, strict=True):
             self._move_run(before.report.trace, after.report.trace)
+        self._move_marks(own, moved, aside)
         self._write(aside, encode_rows(list({**there, **{row.key: row for row in moved}}.values())))
         self.rows = [row for row in self.rows if row.mission != mission]
         self._write(self.folder / RESULTS, encode_rows(self.rows))
@@ -212,6 +214,17 @@ class ResultsFolder:
             with suppress(OSError):  # the next write reports it
                 (self.folder / PARTS).mkdir()
 
+    def _move_marks(self, before: Sequence[SuiteRow], after: Sequence[SuiteRow], aside: Path) -> None:
+        """Store the marks of an audit for the moved rows beside their file."""
+        audit, there = read_audit(self.folder), read_audit(aside)
+        known = {} if audit is None else audit.rows
+        marks = {} if there is None else dict(there.rows)
+        for old, new in zip(before, after, strict=True):
+            if (name := row_sha256(old)) in known:
+                marks[row_sha256(new)] = known[name]
+        if audit is not None and marks:
+            self._write(audit_file(aside), msgspec.json.encode(AuditRecord(rows=marks, code=audit.code)))
+
     def _move_run(self, before: str, after: str) -> None:
         """Move the folder of a kept trace to that of its new path; a run that is gone or was moved stays as it is."""
         source, target = (self.folder / Path(trace).parent for trace in (before, after))
@@ -262,10 +275,11 @@ def fingerprint(salt: str) -> str:
 
 def _with_run_in(row: SuiteRow, folder: str) -> SuiteRow:
     """Return the row with its run, if one was kept, in another folder beside `runs`."""
-    top, _, rest = row.report.trace.partition("/")
-    if top != RUNS or ".." in Path(rest).parts:
-        return row
-    return msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, trace=f"{folder}/{rest}"))
+    match Path(row.report.trace).parts:
+        case (top, name, file) if top == RUNS and ".." not in (name, file):
+            moved = msgspec.structs.replace(row.report, trace=f"{folder}/{name}/{file}")
+            return msgspec.structs.replace(row, report=moved)
+    return row
 
 
 def _with_iou(row: SuiteRow, trace: Path) -> SuiteRow:

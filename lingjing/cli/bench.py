@@ -69,7 +69,7 @@ def add_options(parser: ArgumentParser) -> None:
     )
     audit.add_argument(
         "--keep-marks", action="store_true",
-        help="keep the marks of your earlier audit for rows whose traces were removed since",
+        help="keep what your earlier audit found of rows whose traces were removed since",
     )  # fmt: skip
     audit.set_defaults(handler=_audit)
     board = actions.add_parser("leaderboard", help="write a page that ranks entrants", description=_leaderboard.__doc__)
@@ -402,7 +402,7 @@ def _audit(args: argparse.Namespace) -> int:
     import msgspec
 
     from lingjing.bench.auditing import LEAST_SHARE, Auditor
-    from lingjing.bench.evidence import audit_file, audited_in_words, named, read_audit
+    from lingjing.bench.evidence import AuditRecord, audit_file, audited_in_words, named, read_audit
     from lingjing.bench.folder import read_results, write_whole
     from lingjing.bench.rows import code_sha256
     from lingjing.installed_plugins.discovery import trusting
@@ -423,7 +423,7 @@ def _audit(args: argparse.Namespace) -> int:
         )
     with trusting(args.trust or ()):
         suite = _suite_of(rows, args.suite) if args.suite else None
-        known = earlier.rows if earlier is not None else {}
+        known = earlier or AuditRecord(rows={})
         audit = Auditor(folder, code, args.share, args.sample_seed, salt, suite, known, say).audit(rows)
     print(f"{audited_in_words(rows, audit.marks)}; {len(audit.findings)} wrong")
     for reason, number in audit.unchecked.most_common():

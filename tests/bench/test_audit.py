@@ -131,6 +131,13 @@ def test_an_audit_keeps_earlier_marks_of_removed_traces_on_request(
     assert "not checked: 1 row: its trace was removed\n" in out
     kept = read_audit(results)
     assert kept is not None and kept.rows[row_sha256(removed)] == before.rows[row_sha256(removed)]
+    audit_file(results).write_bytes(
+        msgspec.json.encode(
+            msgspec.structs.replace(kept, rows={}, faults={row_sha256(removed): "its score is another"})
+        )
+    )
+    code, out = audited(results, capsys, "--keep-marks")
+    assert code == ExitCode.MISSION and "its score is another" in out, "nor is a fault forgotten"
     code, out = audited(results, capsys)
     assert "audited: 4 of 6 rows" in out, "without the option nothing of the earlier audit counts"
 

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import msgspec
 import pytest
@@ -33,7 +34,7 @@ from lingjing.bench.validity.studies import PlannedPart, plan_program
 from lingjing.decoding import converted
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import PluginHost, run_command
-from tests.bench.suite_kit import TRIP, AnsweringExecutor, EpisodeTask, answered, encode_rows, read_results
+from tests.bench.suite_kit import TRIP, AnsweringExecutor, EpisodeTask, answered, encode_rows, read_results, row_sha256
 from tools.python_forks import PipedFork, run_python
 
 Capture = pytest.CaptureFixture[str]
@@ -428,7 +429,7 @@ def test_kept_runs_of_a_changed_mission_move_with_their_rows(place: Path, tasks:
     study = place / "out" / "redrawn-tier1"
     (row,) = read_results(study)
 
-    def with_trace(trace: str) -> object:
+    def with_trace(trace: str) -> Any:
         return msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, trace=trace))
 
     name = f"results-trip-{row.mission_sha256[:12]}"
@@ -439,10 +440,16 @@ def test_kept_runs_of_a_changed_mission_move_with_their_rows(place: Path, tasks:
         run = study / (f"{name}/a" if is_killed else "runs/a")
         run.mkdir(parents=True)
         (run / "trace.mcap").write_text("a trace")
+        (study / f"{name}.audit.json").unlink(missing_ok=True)
+        (study / "audit.json").write_text(
+            json.dumps({"rows": {row_sha256(with_trace("runs/a/trace.mcap")): "checked"}})
+        )
         (place / "trip.ljs").write_text(f"{TIERED}# changed {is_killed}\n")
         assert run_command(line) == ExitCode.OK
         assert read_results(study / f"{name}.parquet") == [with_trace(f"{name}/a/trace.mcap")]
         assert (study / name / "a" / "trace.mcap").read_text() == "a trace" and not (study / "runs" / "a").exists()
+        marks = json.loads((study / f"{name}.audit.json").read_text())["rows"]
+        assert marks == {row_sha256(with_trace(f"{name}/a/trace.mcap")): "checked"}
 
 
 def test_a_trace_outside_of_the_runs_is_never_moved(place: Path, tasks: AnsweringExecutor) -> None:

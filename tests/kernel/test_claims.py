@@ -74,6 +74,14 @@ def test_a_box_with_a_class_that_no_rule_asks_for_is_no_claim() -> None:
     assert "matched" in events(kernel.step(decisions(scout_1=kit.report(FRAME))).record)
 
 
+def test_a_report_of_another_class_that_requests_a_route_is_still_a_claim() -> None:
+    check = InspectionSpec(name="check", asset="boat", by=("uav[1]",), within_m=5.0, replan="detection", order="any")
+    kernel = limited(1, inspections=(check,))
+    for east in (10.0, 20.0, 30.0):
+        kernel.step(decisions(scout_1=kit.report(FRAME, cls="craft", position=(east, 0.0))))
+    assert kernel.state.registry.progress.used["positives"] == 1
+
+
 def test_every_class_is_a_claim_where_a_condition_takes_any() -> None:
     """Nothing is free if a rule, or a part of another condition, reads reports of any class."""
     (_, *others), near = kit.instance().rules, Binary(operator="<=", left=Attr(base=kit.local("r"), name="confidence"),
