@@ -126,6 +126,6 @@ def test_a_traceback_shows_the_hint() -> None:
 def test_missions_and_instances_have_a_short_repr() -> None:
     mission = lingjing.compile("ssr")
     assert repr(mission) == (
-        "<Mission ssr 'Sea search and rescue': 14 parameters, 7 groups, 3 agents, 3 rules, star/broadcast>"
+        "<Mission ssr 'Sea search and rescue': 15 parameters, 7 groups, 3 agents, 3 rules, star/broadcast>"
     )
     assert repr(instantiate(mission, seed=5)) == "<Instance ssr seed 5 broadcast: 7 entities, 4 agents>"
