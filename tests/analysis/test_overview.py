@@ -23,6 +23,7 @@ from lingjing.analysis.overview.timeline import draw_batteries, draw_events, dra
 from lingjing.errors import UsageError
 from lingjing.mission.instance import InteractionSpec
 from lingjing.testing import play, scripted
+from lingjing.testing.expressions import Binary, Number
 from lingjing.trace.records import Outcome, TaskEvent
 
 replace = msgspec.structs.replace
@@ -109,7 +110,8 @@ def test_an_abort_a_bare_mission_and_lost_pictures_are_drawn(trace: Trace, tmp_p
     aborted = Outcome(
         success=False, reason="infrastructure-abort", scr=0.0, ticks=3, digest="", frames_digest="", detail="x"
     )
-    instance = replace(trace.header.instance, regions=(), cells=(), stages=(), rules=())
+    never = Binary(operator=">", left=Number(value=0.0), right=Number(value=1.0))
+    instance = replace(trace.header.instance, regions=(), cells=(), stages=(), rules=(), success=never)
     odd = Trace(trace.path, replace(trace.header, instance=instance), trace.boundaries[:12], aborted, False, {})
     assert drawn(odd, tmp_path / "o.png").shape == (1200, 1800, 3)
 
@@ -228,7 +230,8 @@ def unjudged(trace: Trace, *, reporting: bool = True) -> Trace:
     """Return the episode with a mission that has no matching rule, or that has no reports."""
     instance = trace.header.instance
     messages = instance.messages if reporting else tuple(m for m in instance.messages if m.category != "report")
-    header = replace(trace.header, instance=replace(instance, rules=(), messages=messages))
+    rules = tuple(replace(rule, matching=False) for rule in instance.rules)
+    header = replace(trace.header, instance=replace(instance, rules=rules, messages=messages))
     quiet = tuple(
         replace(record, events=(), messages=record.messages if reporting else ()) for record in trace.boundaries
     )
