@@ -79,6 +79,18 @@ def test_the_gap_in_a_deck_is_found_from_both_directions(camera):
         assert find.confidence > 0.5
 
 
+def test_a_sheet_with_the_colour_of_water_on_a_deck_is_no_gap_because_the_rim_is_whole():
+    """A stretch of 7 m has the colour of water: within the rims of a deck, or from edge to edge."""
+    pose = CameraPose(position=(0.0, 0.0, 57.0), heading_deg=0.0, tilt_deg=90.0, hfov_deg=84.0, width=1920, height=1080)
+    metre = 1920 / 2 / math.tan(math.radians(42.0)) / 60.0
+    for inset_m, count in ((1.2, 0), (0.0, 1)):
+        picture = np.full((1080, 1920, 3), (30, 68, 88), np.uint8)
+        left, right = int(960 - 8 * metre), int(960 + 8 * metre)
+        picture[:, left:right] = (90, 90, 92)
+        picture[500 : 500 + int(7 * metre), left + int(inset_m * metre) : right - int(inset_m * metre)] = (30, 68, 88)
+        assert len(find_gaps(picture, pose, -3.0)) == count
+
+
 def test_a_whole_deck_has_no_gap(camera):
     ((rgb, pose, truth),) = shoot(camera, "bi", "fracture", 9002, 60.0, 87.0, away=-90.0)
     assert truth == []

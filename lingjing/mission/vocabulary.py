@@ -15,6 +15,7 @@ EVERYONE = "all"
 
 PORTRAIT = "portrait"
 """The property with the distance from which an entity's reference picture is taken."""
+
 PHOTO = "takePhoto"
 """The verb that requests a picture from a camera; the kernel routes it to the camera engine."""
 

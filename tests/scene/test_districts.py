@@ -143,6 +143,20 @@ def test_a_compound_has_no_streets_a_wall_with_a_gate_and_houses_that_differ() -
     assert not footing.is_clear(0.0, 40.0, 0.5), "the wall"
 
 
+def test_detached_homes_have_their_doors_on_any_side_and_a_canopy_on_the_others() -> None:
+    """In a depth image a door is one canopy of four, and no step shows it."""
+    yard = ((180.0, 170.0), (360.0, 170.0), (360.0, 330.0), (180.0, 330.0))
+    city = district("residential", 3, extent_m=900.0, blocks_rows=5.0, blocks_columns=5.0, homes=yard, detached=1.0)
+    around = shapely.Polygon(yard)
+    houses = [b for b in city.buildings if b.entrance is not None and around.contains(shapely.Polygon(b.polygon))]
+    assert len(houses) >= 25 and len({house.entrance[2] for house in houses if house.entrance}) == 4
+    solids = [(solid.id, shapely.Polygon(solid.polygon)) for solid in city.solids]
+    for house in houses:
+        near = [name for name, outline in solids if outline.distance(shapely.Polygon(house.polygon)) < 0.1]
+        assert sum(name.startswith("canopy") for name in near) == 3
+        assert not any(name.startswith("step") for name in near)
+
+
 def test_the_ways_through_a_factory_are_free_from_gate_to_gate() -> None:
     inside = ((-80.0, -60.0), (80.0, -60.0), (80.0, 60.0), (-80.0, 60.0))
     for layout in range(6):
